@@ -6,7 +6,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 RUST_SOURCES := $(shell find crates -name '*.rs' -o -name Cargo.toml) Cargo.toml Cargo.lock
 
-.PHONY: help tour test test-rust test-python lint studies docs pictures public-names features deny bench bench-peers fuzz mutate wheel package clean
+.PHONY: help tour test test-rust test-python lint studies docs pictures notebooks public-names features deny bench bench-peers fuzz \
+	mutate wheel package licences clean
 
 # This list.
 help:
@@ -17,14 +18,16 @@ help:
 tour: $(VENV)/.extension $(VENV)/.tour
 	$(BIN)/python -m tour
 
-# Everything that must pass.
-test: lint test-rust test-python
+# Everything that must pass. What waits for the network or for one core leaves the other to the compiler.
+test:
+	$(MAKE) --jobs 2 lint test-rust
+	$(MAKE) test-python
 
 # Formatting, lints and types. The quick part of `test`.
 lint: $(VENV)/.extension-dev
 	cargo fmt --check
 	cargo clippy --workspace --all-targets -- -D warnings
-	$(BIN)/ruff check docs python tour tests/python benches/peers
+	$(BIN)/ruff check docs python release tour tests/python benches/peers
 	$(BIN)/mypy
 
 # Benchmarks hold none, and without them the tests and the extension share one build of what they depend on; examples hold
@@ -49,12 +52,17 @@ docs: $(VENV)/.extension
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet
 	rm -rf out/book/rust
 	cp -R $(or $(CARGO_TARGET_DIR),target)/doc out/book/rust
+	$(BIN)/python docs/formulas.py out/book/rust
 	$(BIN)/python docs/check_links.py out/book
 
 # The pictures of the README and the book.
 pictures: $(VENV)/.extension
 	$(BIN)/python docs/pictures.py
 	$(BIN)/python docs/crate_graph.py
+
+# The notebooks, run again with their outputs stored in them.
+notebooks: $(VENV)/.extension
+	$(BIN)/python docs/notebooks.py
 
 # Tests hold both against what there is, and so show what a change adds or removes.
 # The lists of public names, and the parts of stubs that follow from the extension, written anew.
@@ -73,7 +81,7 @@ bench:
 
 # The facade with each of its features alone, and with none.
 features:
-	for feature in "" contact dives ftla motion multibody nlp ocp rayon serde storage urdf; do \
+	for feature in "" contact dives ftla motion multibody nlp ocp rayon robots serde storage; do \
 		cargo check --package somersault --no-default-features --features "$$feature" || exit 1; done
 
 # The same problems solved by other packages, side by side.
@@ -82,8 +90,9 @@ bench-peers: $(VENV)/.peers
 
 # Hostile files for the readers, ten minutes for each format; needs nightly and cargo-fuzz.
 fuzz:
-	mkdir -p out/corpus/urdf out/corpus/judged out/corpus/recording
+	mkdir -p out/corpus/urdf out/corpus/mjcf out/corpus/judged out/corpus/recording
 	cargo +nightly fuzz run urdf out/corpus/urdf fuzz/corpus/urdf -- -dict=fuzz/urdf.dict -max_total_time=600 -max_len=4096
+	cargo +nightly fuzz run mjcf out/corpus/mjcf fuzz/corpus/mjcf -- -dict=fuzz/mjcf.dict -max_total_time=600 -max_len=4096
 	cargo +nightly fuzz run judged out/corpus/judged fuzz/corpus/judged -- -max_total_time=600 -max_len=4096 -rss_limit_mb=1024
 	cargo +nightly fuzz run recording out/corpus/recording fuzz/corpus/recording -- -max_total_time=3000 -max_len=4096 \
 		-rss_limit_mb=1024
@@ -102,6 +111,10 @@ wheel: $(VENV)/.tools
 package:
 	cargo package --workspace --exclude somersault-benches --exclude somersault-py --exclude somersault-testkit \
 		--exclude somersault-tests
+
+# The licence texts of what the wheel links, LICENSE-THIRD-PARTY, written again after a change of dependencies.
+licences:
+	$(PYTHON) release/licences.py
 
 # Removes what was built.
 clean:

@@ -1,19 +1,17 @@
 """What the book is made with beside its pages: formulas, tables of the methods, exit codes and schemas.
 
-Formulas become MathML while the book is built, which browsers draw themselves: pages load no script and
-no font for them, and open from a disk.
+Formulas become MathML while the book is built (`formulas.py`).
 """
 
 from __future__ import annotations
 
 import json
 import re
-from html import unescape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from latex2mathml.converter import convert
+from formulas import mathml
 
 import somersault
 from somersault import studies
@@ -29,12 +27,14 @@ def on_page_content(html: str, **_: Any) -> str:
     """Turns formulas into MathML, and takes out dashes that introduce nothing."""
 
     def formula(match: re.Match[str]) -> str:
-        display = "block" if match[2] == "[" else "inline"
-        drawn = str(convert(unescape(match[3]).strip(), display=display))
-        # Where there is no font for mathematics, dots above letters would fall onto them.
-        return drawn.replace("<mo>&#x002D9;</mo>", "<mo>.</mo>").replace("<mo>&#x000A8;</mo>", "<mo>..</mo>")
+        return mathml(match[3], "block" if match[2] == "[" else "inline")
 
     return _DASH.sub("\n", _FORMULA.sub(formula, html))
+
+
+def on_post_page(output: str, **_: Any) -> str:
+    """Leaves the link to the repository, and takes out that a script asks its host for figures."""
+    return output.replace('data-md-component="source"', "")
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:

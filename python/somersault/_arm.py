@@ -46,6 +46,13 @@ def arm_problem(
     Returns
     -------
     CollocationProblem
+
+    Examples
+    --------
+    >>> from somersault import ocp
+    >>> found = ocp.arm_problem((0, 0, 0, 0), (0.5, 0, 0, 0), 2.0).solve()
+    >>> found.status, found.confirmed
+    ('converged', True)
     """
     arm = two_link_arm(masses, lengths, damping)
     return CollocationProblem(arm, initial_state, final_state, duration, control_weights=control_weights)

@@ -53,6 +53,10 @@ class ArmExtremal:
         """Whether it is an extremal."""
         return self.status == "arrived"
 
+    def __repr__(self) -> str:
+        way = f"fold {self.fold:.4f} rad, turns {self.turns}"
+        return f"<ArmExtremal: {self.status}, {way}, cost {self.cost:.6g}>"
+
     def __reduce__(self) -> tuple[type[ArmExtremal], tuple[float, int, float, Extremal, str, str]]:
         return ArmExtremal, (self.fold, self.turns, self.cost, self.extremal, self.status, self.message)
 
@@ -89,6 +93,14 @@ def solve_arm(
     Returns
     -------
     ContinuationResult
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from somersault import ftla
+    >>> found = ftla.solve_arm([-0.5, 0.05, 0.0, 0.0], [0.5, 0.05, 0.0, 0.0], 4.0)
+    >>> found.success, round(found.extremal(2.0)[1] / np.pi)
+    (True, 1)
     """
     initial, final = _numbers("initial_state", initial_state, 4), _numbers("final_state", final_state, 4)
     horizon, fold = float(_numbers("horizon", horizon)), float(_numbers("fold", fold))
@@ -139,6 +151,15 @@ def arm_extremals(
     list of ArmExtremal
         Each motion once, the cheapest first; then, with a status and a message, the folds and turns that
         led to none.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from somersault import ftla
+    >>> found = ftla.arm_extremals(
+    ...     [-0.5, 0.05, 0.0, 0.0], [0.5, 0.05, 0.0, 0.0], 4.0, folds=[np.pi, -np.pi], turns=[0])
+    >>> [round(extremal.cost, 4) for extremal in found]
+    [0.5062, 0.535]
     """
     final = _numbers("final_state", final_state, 4)
     ways = _numbers("folds", folds, None)

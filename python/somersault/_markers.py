@@ -46,6 +46,16 @@ def place_markers(
     ------
     InputError
         If `scale` is not positive, or has another shape than the frames.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from somersault import motion, multibody
+    >>> arm = multibody.two_link_arm(lengths=(1.0, 0.5))
+    >>> markers = motion.MarkerSet(arm, {"hand": ("lower", (0.5, 0, 0))})
+    >>> motion.place_markers(markers, [0.0, 0.1], [[0.0, 0.0], [np.pi / 2, 0.0]]).track("hand").round(6)
+    array([[1.5, 0. , 0. ],
+           [0. , 1.5, 0. ]])
     """
     if not isinstance(markers, MarkerSet):
         raise TypeError(f"`markers` must be a MarkerSet, found {type(markers).__name__}")
@@ -102,6 +112,17 @@ def low_pass(recording: MarkerRecording, cutoff: float, *, order: int = 4) -> Ma
     ------
     InputError
         If frames are not at equal distances, or `cutoff` or `order` are not allowed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from somersault import motion
+    >>> t = np.arange(200) / 100.0
+    >>> slow, fast = np.sin(2 * np.pi * t), 0.1 * np.sin(2 * np.pi * 30.0 * t)
+    >>> points = np.column_stack([slow + fast, 0.0 * t, 0.0 * t])[:, None]
+    >>> smooth = motion.low_pass(motion.MarkerRecording(["hip"], t, points), 10.0).points[:, 0, 0]
+    >>> bool(abs(smooth - slow)[20:-20].max() < 0.01)
+    True
     """
     # the largest part of the time that importing the package would take
     from scipy import signal

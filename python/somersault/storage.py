@@ -74,6 +74,16 @@ def save(path: str | PathLike[str], thing: Any) -> None:
         If `path` is no path.
     OSError
         If the system does not let the file be written.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> import numpy as np
+    >>> import somersault
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "run.som"
+    >>> somersault.save(path, {"body": somersault.RigidBody.sphere(1.0, 0.1), "t": np.arange(3.0)})
+    >>> path.exists()
+    True
     """
     place = _path(path)
     arrays: list[NDArray[Any]] = []
@@ -121,6 +131,15 @@ def load(path: str | PathLike[str]) -> Any:
         If `path` is no path.
     OSError
         If the system does not let the file be read, such as FileNotFoundError.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> import somersault
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "run.som"
+    >>> somersault.save(path, {"body": somersault.RigidBody.sphere(5.0, 0.5), "start": (0.0, 3.1)})
+    >>> somersault.load(path)
+    {'body': RigidBody(mass=5.0, inertia=[0.5, 0.5, 0.5]), 'start': (0.0, 3.1)}
     """
     place = _path(path)
     content = place.read_bytes()
@@ -182,6 +201,15 @@ def write_bytes(path: Path, content: bytes) -> None:
     ------
     somersault.errors.WriteError
         If what is there is no file: a directory or a device.
+
+    Examples
+    --------
+    >>> import pathlib, tempfile
+    >>> from somersault import storage
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "notes.txt"
+    >>> storage.write_bytes(path, b"a whole file or none")
+    >>> path.read_text()
+    'a whole file or none'
     """
     # what would be replaced is the link
     path = Path(os.path.realpath(path))
@@ -199,7 +227,19 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 
 def encode(thing: Any, array: Callable[[NDArray[Any]], Any], where: str = "the value") -> Any:
-    """What stands for a thing in JSON; `array` returns what stands for an array."""
+    """What stands for a thing in JSON; `array` returns what stands for an array.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from somersault import storage
+    >>> arrays = []
+    >>> def keep(array):
+    ...     arrays.append(array)
+    ...     return len(arrays) - 1
+    >>> storage.encode({"start": (0.0, float("inf")), "t": np.arange(3.0)}, keep)
+    {'start': {'$tuple': [0.0, {'$float': 'inf'}]}, 't': {'$array': 0}}
+    """
     if thing is None or isinstance(thing, (bool, str)):
         return thing
     if isinstance(thing, np.generic):
@@ -281,7 +321,15 @@ def _maker(name: str) -> Any:
 
 
 def decode(tree: Any, array: Callable[[Any], NDArray[Any]]) -> Any:
-    """The thing that a tree stands for; `array` returns the array that was asked to be held."""
+    """The thing that a tree stands for; `array` returns the array that was asked to be held.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from somersault import storage
+    >>> storage.decode({"start": {"$tuple": [0.0, 3.1]}, "t": {"$array": 0}}, lambda i: np.arange(3.0))
+    {'start': (0.0, 3.1), 't': array([0., 1., 2.])}
+    """
     if isinstance(tree, list):
         return [decode(item, array) for item in tree]
     if not isinstance(tree, dict):

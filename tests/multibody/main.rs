@@ -4,6 +4,7 @@ mod derivatives;
 mod dynamics;
 mod flight;
 mod mimic;
+mod mjcf;
 mod models;
 mod motion;
 mod urdf;

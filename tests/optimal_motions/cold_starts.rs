@@ -169,6 +169,7 @@ fn double_pendulum() -> Model {
 }
 
 #[test]
+#[ignore = "ten seconds: run by `make studies`"]
 fn a_double_pendulum_on_a_cart_is_swung_up_from_a_straight_line() {
     let model = double_pendulum();
     let split = Split::new(vec![true, false, false]);
@@ -185,12 +186,22 @@ fn a_double_pendulum_on_a_cart_is_swung_up_from_a_straight_line() {
     task.expect_solved(Tree::try_new(model.clone(), split).unwrap(), &model);
 }
 
+#[test]
+fn exact_hessians_swing_a_double_pendulum_up() {
+    swing_up_with_exact_hessians(&[(1.6, 20)]);
+}
+
+#[test]
+#[ignore = "ten seconds: run by `make studies`"]
+fn exact_hessians_swing_a_double_pendulum_up_over_horizons_and_segments() {
+    swing_up_with_exact_hessians(&[(1.6, 20), (2.0, 40)]);
+}
+
 /// Some twenty steps for any horizon and number of segments; they decide which of many minima is found. Gauss–Newton
 /// steps do not arrive in 1.6 s after 150.
-#[test]
-fn exact_hessians_swing_a_double_pendulum_up_over_horizons_and_segments() {
+fn swing_up_with_exact_hessians(horizons_and_segments: &[(f64, usize)]) {
     let model = double_pendulum();
-    for (duration, n_segments) in [(1.6, 20), (2.0, 40)] {
+    for &(duration, n_segments) in horizons_and_segments {
         let split = Split::new(vec![true, false, false]);
         let task = Task {
             name: "double pendulum, exact",

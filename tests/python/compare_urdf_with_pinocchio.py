@@ -1,7 +1,7 @@
 """Dynamics of URDF models against Pinocchio (`pip install pin`), as a table in Markdown.
 
-    cargo build --release -p somersault-testkit --example dump_urdf
-    python tests/python/compare_urdf_with_pinocchio.py target/release/examples/dump_urdf free tests/urdf
+    cargo build --release -p somersault-testkit --example dump_robot
+    python tests/python/compare_urdf_with_pinocchio.py target/release/examples/dump_robot free tests/urdf
 
 The last argument is a document or a folder of them, say a clone of
 https://github.com/Gepetto/example-robot-data. Pinocchio reads the same document, with mimic joints; where
@@ -181,7 +181,7 @@ def row(program, base, path):
         if not found["repairs"]
         else "repaired: " + ", ".join(f"{n} {what}" for what, n in of.items() if n),
         str(sum(body["nv"] for body in found["bodies"])),
-        str(sum(body["follows"] for body in found["bodies"])),
+        str(sum(body["follows"] is not None for body in found["bodies"])),
         str(found["n_shapes"]),
         f"{off:.0e}{' G' if projected else ''}",
     ]

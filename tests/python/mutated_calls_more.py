@@ -1,4 +1,4 @@
-"""Calls of what has no example of its own, for `mutated_calls`."""
+"""More calls than the examples have, with arguments that those leave out, for `mutated_calls`."""
 
 import io
 import json
@@ -120,6 +120,13 @@ with open("cart.urdf", "w") as file:
 multibody.Model.read_urdf("cart.urdf", base="free")
 multibody.Robot.from_urdf(text, base="fixed", gravity=(0.0, 0.0, -9.81))
 multibody.Robot.read_urdf("cart.urdf", base="free")
+rod = "<mujoco><worldbody><body><joint/><geom size='1'/></body></worldbody></mujoco>"
+multibody.Model.from_mjcf(rod, gravity=(0.0, 0.0, -9.81))
+multibody.Robot.from_mjcf(rod, gravity=(0.0, 0.0, -9.81))
+with open("rod.xml", "w") as file:
+    file.write(rod)
+multibody.Model.read_mjcf("rod.xml", gravity=(0.0, 0.0, -9.81))
+multibody.Robot.read_mjcf("rod.xml")
 q, v, a, tau = np.array([0.1, 0.2]), np.array([0.3, 0.4]), np.array([0.5, 0.6]), np.array([0.7, 0.8])
 many = np.tile(q, (3, 1))
 wrenches = np.zeros((2, 6))

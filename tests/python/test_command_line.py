@@ -382,6 +382,19 @@ def test_what_was_perhaps_meant_is_said(
     assert "did you mean two_link_arm?" in capsys.readouterr().err
 
 
+def test_a_tree_is_read_from_mjcf(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rod = "<body><joint axis='0 1 0' STIFF/><geom size='0.1' pos='0 0 -1'/></body>"
+    document = f"<mujoco><worldbody>{rod}</worldbody></mujoco>"
+    (tmp_path / "rod.xml").write_text(document.replace("STIFF", ""))
+    motion = '[tree]\nmjcf = "rod.xml"\n[state]\nq = [0.3]\n[run]\ninterval = [0.0, 1.0]\ndt = 0.1\n'
+    (tmp_path / "a.toml").write_text(motion)
+    assert main(["integrate", str(tmp_path / "a.toml"), "--out", str(tmp_path / "a.csv")]) == 0
+    assert (tmp_path / "a.csv").read_text().startswith("t,q0,v0")
+    (tmp_path / "rod.xml").write_text(document.replace("STIFF", "stiffness='1'"))
+    assert main(["integrate", str(tmp_path / "a.toml")]) == 2
+    assert "springs of joints are not read" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("laws", "is_valid"),
     [

@@ -63,7 +63,7 @@ def test_rows_can_be_given_as_methods() -> None:
 
 
 def test_the_table_prints_one_line_a_method() -> None:
-    lines = repr(methods()).splitlines()
+    lines = str(methods()).splitlines()
     assert [line.split()[0] for line in lines[1:]] == methods().names
     assert len(lines) == 1 + len(methods())
 
@@ -77,7 +77,7 @@ def test_the_table_says_for_what_its_orders_hold() -> None:
     for name in ("pmv6", "pmv8", "pmv10", "split4"):
         assert table[name].dense_order == 4
     assert (table["rkmk5"].dense_order, table["rkmk8_b"].dense_order) == (5, 8)
-    line = next(line for line in repr(table).splitlines() if line.startswith("sv "))
+    line = next(line for line in str(table).splitlines() if line.startswith("sv "))
     assert "2 (1); 1" in line
 
 

@@ -537,6 +537,66 @@ def test_robots_are_read_with_their_repairs_and_geometry(tmp_path: Path) -> None
     raises(errors.ReadError, "mimics the joint `thumb`, which does not exist", lambda: Robot.from_urdf(lost))
 
 
+LEG = """<mujoco model="leg">
+  <option gravity="0 0 -9.8"/>
+  <worldbody>
+    <geom name="rock" type="ellipsoid" size="1 2 3"/>
+    <body name="pelvis" pos="0 0 1">
+      <freejoint name="root"/>
+      <geom type="sphere" size="0.1" mass="2"/>
+      <body name="thigh" pos="0 0.1 0">
+        <joint name="hip_x" axis="1 0 0"/>
+        <joint name="hip_y" axis="0 1 0" STIFF/>
+        <geom type="sphere" size="0.1" mass="1" pos="0 0 -0.2"/>
+        <body name="shin" pos="0 0 -0.4">
+          <joint name="knee" axis="0 1 0" ref="90"/>
+          <geom type="sphere" size="0.1" mass="1" pos="0 0 -0.2"/>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <actuator><motor joint="knee"/></actuator>
+</mujoco>"""
+
+
+def test_robots_are_read_from_mjcf() -> None:
+    sprung = LEG.replace("STIFF", 'stiffness="2"')
+    robot = Robot.from_mjcf(sprung)
+    assert (robot.name, robot.model.n_velocities, robot.repairs) == ("leg", 9, ())
+    assert robot.joints == {"root": "pelvis", "hip_x": "hip_x", "hip_y": "thigh", "knee": "shin"}
+    assert robot.ignored == (
+        "joint `hip_y` (line 10): springs of joints are not read",
+        "<actuator> (line 19): actuators are not read: joint forces are an argument (1)",
+    )
+    np.testing.assert_array_equal(robot.model.gravity, (0.0, 0.0, -9.8))
+    np.testing.assert_allclose(robot.reference, (0, 0, 1, 0, 0, 0, 1, 0, 0, np.pi / 2), atol=1e-15)
+    poses = robot.model.poses(robot.reference)
+    np.testing.assert_allclose(poses[robot.model.body("shin")][:3, 3], (0.0, 0.1, 0.6), atol=1e-15)
+    rock = robot.geometry[0]
+    assert (rock.body, rock.shape, rock.size) == (None, "ellipsoid", (1.0, 2.0, 3.0))
+    assert repr(rock) == "<Geometry: collision ellipsoid [1.0, 2.0, 3.0] of the world>"
+    raises(errors.ReadError, "springs of joints are not read", lambda: Model.from_mjcf(sprung))
+    plain = LEG.replace("STIFF", "")
+    assert Model.from_mjcf(plain) == robot.model
+    still = Model.from_mjcf(plain, gravity=(0, 0, 0))
+    np.testing.assert_array_equal(still.gravity_forces(still.neutral()), 0.0)
+
+
+def test_files_of_mjcf_include_those_beside_them(tmp_path: Path) -> None:
+    folder = Path(__file__).parents[1] / "mjcf"
+    robot = Robot.read_mjcf(folder / "humanoid.xml", gravity=(0.0, 0.0, -1.6))
+    assert robot.model.mass == pytest.approx(68.0)
+    assert Model.read_mjcf(folder / "humanoid.xml", gravity=(0.0, 0.0, -1.6)) == robot.model
+    again = pickle.loads(pickle.dumps(robot))
+    assert again.model == robot.model and again.ignored == robot.ignored and again.joints == robot.joints
+    text = (folder / "humanoid.xml").read_text(encoding="utf-8")
+    raises(errors.ReadError, "the text of this file is not given", lambda: Robot.from_mjcf(text))
+    (tmp_path / "alone.xml").write_text(text, encoding="utf-8")
+    raises(errors.ReadError, "includes `parts/", lambda: Robot.read_mjcf(tmp_path / "alone.xml"))
+    with pytest.raises(FileNotFoundError):
+        Robot.read_mjcf(tmp_path / "nowhere.xml")
+
+
 def test_a_joint_follows_another() -> None:
     finger = Link(
         "b", "revolute", parent="palm", axis=(0, 0, 1), mass=1.0, inertia=(1, 1, 1), mimic=("a", 2.0, 0.5)

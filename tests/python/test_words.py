@@ -94,7 +94,11 @@ def of_text(path: Path) -> Iterator[tuple[int, str]]:
 READERS = (
     (of_markdown, ROOT, "*.md"),
     (of_markdown, ROOT / "docs", "**/*.md"),
+    (of_markdown, ROOT / "crates", "*/README.md"),
+    (of_markdown, ROOT / "python", "*.md"),
+    (of_markdown, ROOT / "paper", "*.md"),
     (of_python, ROOT / "docs", "*.py"),
+    (of_python, ROOT / "release", "*.py"),
     (of_python, ROOT / "python" / "somersault", "**/*.py"),
     (of_python, ROOT / "tour", "**/*.py"),
     (of_rust, ROOT / "crates", "**/*.rs"),

@@ -1,5 +1,12 @@
-//! Compliant frictional contact: the integrator locates every touch-down and release, so it keeps its full order.
+#![doc = include_str!("../README.md")]
 //!
+//! # How it works
+//!
+//! A contact presses with a spring and a damper, and does not pull (thesis 7.10):
+//!
+//! ```math
+//! F = \max(-k\, \Delta x - c\, \Delta \dot x,\ 0) \quad\text{where}\quad \Delta x < 0
+//! ```
 //! A force that switches with the state costs every method its order: a step that straddles the switch
 //! is wrong by its whole size (thesis 7.4). Here the equations are frozen in a mode during a step, and
 //! the step is cut where a guard says that the mode ends: [`somersault_integrators::events`]. That works for every method
@@ -11,20 +18,6 @@
 //! | k, c | stiffness, N/m; damping, N s/m | [`CompliantLaw`](laws::compliant::CompliantLaw) |
 //! | μ, v | coefficient of friction; sliding velocity, m/s | [`FrictionLaw`](laws::FrictionLaw) |
 //! | ωₙ, ζ, e | natural frequency, damping ratio, coefficient of restitution | its constructors |
-//!
-//! ```
-//! use somersault_contact::models::SpinningTop;
-//! use somersault_integrators::driver::TimeGrid;
-//! use somersault_integrators::events::Location;
-//! use somersault_integrators::methods::Method;
-//! use somersault_integrators::run::Run;
-//!
-//! let top = SpinningTop::thesis()?;
-//! let grid = TimeGrid::try_new(0.0, 0.1, 1e-4)?;
-//! let run = Run::new(&top.system, Method::RkmkB, grid).locating(Location::default()).from(&top.start)?;
-//! assert!(run.events[0].t > 0.0 && run.t == 0.1);
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
 //!
 //! # What is found
 //!

@@ -1,5 +1,6 @@
-//! Shared mathematics of the somersault crates: rotations and rigid motions, inertia, splines, bracketed roots, quadrature,
-//! seeded numbers.
+#![doc = include_str!("../README.md")]
+//!
+//! # Symbols
 //!
 //! | Symbol | Meaning | Here |
 //! |---|---|---|
@@ -8,14 +9,10 @@
 //! | ω | angular velocity, world frame unless named `_body` | [`nalgebra::Vector3`] |
 //! | I | inertia about the centre of mass, body frame | [`Inertia`] |
 //!
-//! ```
-//! use nalgebra::Vector3;
-//! use somersault_core::lie::so3;
+//! Rotation vectors become rotations by Rodrigues' formula, which is a series near φ = 0:
 //!
-//! let quarter_turn = Vector3::new(0.0, 0.0, std::f64::consts::FRAC_PI_2);
-//! let q = so3::exp(&quarter_turn);
-//! assert!((q * Vector3::x() - Vector3::y()).norm() < 1e-15);
-//! assert!((so3::log(&q) - quarter_turn).norm() < 1e-15);
+//! ```math
+//! \exp \phi = 1 + \frac{\sin |\phi|}{|\phi|}\, \hat\phi + \frac{1 - \cos |\phi|}{|\phi|^2}\, \hat\phi^2
 //! ```
 #![forbid(unsafe_code)]
 

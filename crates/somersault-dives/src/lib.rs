@@ -1,12 +1,14 @@
-//! Dives: the optimal motions of thesis chapter 3, and others like them, as programs with a search of their own.
+#![doc = include_str!("../README.md")]
 //!
-//! ```text
-//! minimise   ½ a (L/L₀)² + ½ ∫ Σ_i (b ẇ_i² + c ẅ_i²) dt
-//! subject to ψ(T) = somersaults, φ = twists and τ = 0 at the square-out,
-//!            w ≥ 0, Σ w ≤ 1 at all times (or joints within their ranges),
-//!            capsules apart at all times
+//! # How it works
+//!
+//! Dives are the optimal motions of thesis chapter 3, and others like them, as programs with a search of their own.
+//!
+//! ```math
+//! \min\ \frac{a}{2} \left( \frac{L}{L_0} \right)^2 + \frac12 \int_0^T \sum_i \left( b\, \dot w_i^2 + c\, \ddot w_i^2 \right) dt
 //! ```
-//! The unknowns are the free spline parameters p, the angular momentum L about the lateral axis, and, where they are
+//! subject to ψ(T) = somersaults, φ = twists and τ = 0 at the square-out, and at all times w ≥ 0 and Σ w ≤ 1 (or joints within
+//! their ranges) and capsules apart. The unknowns are the free spline parameters p, the angular momentum L about the lateral axis, and, where they are
 //! given a range, the lean at take-off and the duration T. L₀ = m h²/(1 s). The diver begins in one posture and ends
 //! in another, both at rest in their joints. Flight is reduced by its momentum ([`flight`]), so L is constant
 //! to rounding and the centre of mass stays on its parabola; platform, entry and duration give its velocity at

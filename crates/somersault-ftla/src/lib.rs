@@ -1,9 +1,15 @@
-//! Finite-time Lyapunov analysis of hyper-sensitive optimal control.
+#![doc = include_str!("../README.md")]
+//!
+//! # How it works
 //!
 //! The necessary conditions of an optimal control problem are a boundary value problem of a Hamiltonian field in state
 //! and costate. Where it has rates that are fast against the horizon, shooting fails; the same rates split the tangent
 //! space, and extremals start near the centre-stable and end near the centre-unstable manifold. This crate measures the
 //! rates, places points on those manifolds, matches the two ends in the middle and polishes the result to rounding.
+//!
+//! ```math
+//! \mu_i(T, p) = \frac1T \ln \left\| \Phi(T, p)\, l_i \right\|
+//! ```
 //!
 //! | Symbol | Meaning | Here |
 //! |---|---|---|
@@ -14,18 +20,6 @@
 //! | μᵢ, lᵢ | finite-time exponents and vectors (9.1)–(9.4) | [`spectrum::Spectrum`] |
 //! | E^s, E^cs, E^c, E^cu, E^u | subspaces (9.5)–(9.9) | [`spectrum::Splitting`] |
 //! | p⁺, p⁻ | motions from both ends (9.12) | [`matching::Matching`] |
-//!
-//! ```
-//! use somersault_ftla::flow::{FlowTolerances, VariationalFlow};
-//! use somersault_ftla::spectrum::{TimeDirection, diagnose, spectra};
-//! use somersault_ftla::system::LinearRegulator;
-//!
-//! let flow = VariationalFlow::try_new(&LinearRegulator, FlowTolerances::default())?;
-//! let found = spectra(&flow, &vec![1.0, 0.4].into(), TimeDirection::Forward, &[1.0, 2.0, 4.0])?;
-//! assert!((found[2].exponents[1] - 2f64.sqrt()).abs() < 1e-10);
-//! assert!(diagnose(&found, 40.0)?.is_hyper_sensitive());
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
 //!
 //! In the order of work: [`system`] poses, [`spectrum`] diagnoses, [`placement`] and [`matching`] approximate, [`shooting`]
 //! polishes, [`continuation`] follows families from a rest, and [`cold_start`] finds the arm's extremals from nothing.

@@ -1,4 +1,15 @@
-//! Integrators for rigid bodies on ℝ³ × SO(3).
+#![doc = include_str!("../README.md")]
+//!
+//! # How it works
+//!
+//! A state has a position, an orientation and their rates, all in the world frame. A rigid body moves by
+//!
+//! ```math
+//! m \ddot x = f, \qquad \dot R = \hat\omega\, R, \qquad \frac{d}{dt} \left( R I R^T \omega \right) = \tau
+//! ```
+//! and a step of a Lie group method moves the orientation by an exponential, so that it stays a rotation. A
+//! [`Run`](run::Run) takes a [`System`](system::System), a [`Method`](methods::Method) and its steps; [`events`] locates where
+//! the equations change.
 #![deny(unsafe_code)]
 
 pub use nalgebra;

@@ -1,5 +1,12 @@
-//! Recorded motions: read, brought to one convention, fitted by a model, analysed and scored.
+#![doc = include_str!("../README.md")]
 //!
+//! # How it works
+//!
+//! A fit places the markers of a model, scaled by s, nearest to those that were recorded, with weights c and a robust loss ρ:
+//!
+//! ```math
+//! \min_{r, s, q}\ \frac12 \sum_k c_k\, \rho\left( \| r + s\, d_k(q) - y_k \|^2 \right)
+//! ```
 //! | Step | Here | Thesis |
 //! |---|---|---|
 //! | files ↔ markers, skeletons | [`readers`], [`writers`] | 4.1.1 |

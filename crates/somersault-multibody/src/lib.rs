@@ -1,5 +1,12 @@
-//! Dynamics of articulated rigid bodies.
+#![doc = include_str!("../README.md")]
 //!
+//! # How it works
+//!
+//! The equations of motion of a tree under joint forces τ and external wrenches are
+//!
+//! ```math
+//! M(q)\, a + h(q, v) = \tau + \sum_i J_i(q)^T f_i
+//! ```
 //! A [`Model`] is a tree of bodies, immutable; a [`Data`] is the workspace in which the algorithms
 //! leave their results. They cost O(n) or O(n × depth), the partials of forward dynamics O(n² × depth); they
 //! allocate nothing and are generic over the scalar, so that dual numbers go through them.
@@ -18,18 +25,7 @@
 //! joint frame. SI units; angles in rad. Quaternions are stored x, y, z, w and must be of unit norm
 //! ([`Model::normalize`]).
 //!
-//! ```
-//! use somersault_multibody::{Data, models::CartPendulum};
-//!
-//! let model = CartPendulum::default().model()?;
-//! let mut data = Data::new(&model);
-//! // The pole at 0.1 rad from the upright, at rest, no force on the cart: it falls.
-//! let a = model.forward_dynamics(&mut data, &[0.0, 0.1], &[0.0, 0.0], &[0.0, 0.0], &[])?;
-//! assert!(a[1] > 0.0);
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
-//!
-//! Trees are built in code ([`ModelBuilder`]), read from model files (`urdf`), or have a name in the
+//! Trees are built in code ([`ModelBuilder`]), read from model files (`urdf`, `mjcf`), or have a name in the
 //! literature ([`models`]).
 //! [`motion`] makes a tree a system for the integrators of `somersault-integrators`; [`flight`] is the
 //! short way for a tree in the air whose joints move as prescribed. [`joint_motion`] has motions of joints with
@@ -60,14 +56,16 @@ pub mod joint_motion;
 mod kinematics;
 mod link;
 mod mimic;
+#[cfg(feature = "robots")]
+pub mod mjcf;
 mod model;
 pub mod models;
 pub mod motion;
 mod rnea;
-#[cfg(feature = "urdf")]
+#[cfg(feature = "robots")]
 pub mod robot;
 mod spatial;
-#[cfg(feature = "urdf")]
+#[cfg(feature = "robots")]
 pub mod urdf;
 
 pub use articulated::Split;

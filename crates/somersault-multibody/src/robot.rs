@@ -1,8 +1,15 @@
-//! What a file has of a robot: the tree, its geometry, and what had to be repaired to have a tree.
+//! What a file has of a robot: the tree, its geometry, what had to be repaired to have a tree, and what was ignored.
+
+pub(crate) mod assembly;
+pub(crate) mod document;
+mod error;
+pub(crate) mod findings;
 
 use crate::model::Model;
 use nalgebra::{UnitQuaternion, Vector3};
 use std::fmt;
+
+pub use error::DocumentError;
 
 /// A tree read from a file, with what else the file has.
 #[derive(Debug, Clone)]
@@ -11,10 +18,34 @@ pub struct Robot {
     pub name: String,
     /// The tree.
     pub model: Model,
+    /// The configuration in which the file shows it.
+    pub reference: Vec<f64>,
+    /// Names of its joints in the file, with the numbers of the bodies that they carry.
+    pub joints: Vec<(String, usize)>,
     /// What the file says otherwise; empty if the tree is that of the file.
     pub repairs: Vec<Repair>,
+    /// What the file says of its motion and the tree has not.
+    pub ignored: Vec<Ignored>,
     /// What its bodies look like and collide with, in the order of the bodies. No calculation reads it.
     pub geometry: Vec<Geometry>,
+}
+
+/// Something of a file that acts on a robot, or is done to it, and is not read.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Ignored {
+    /// The element, as in "joint `knee`".
+    pub element: String,
+    /// Line of the document.
+    pub line: u32,
+    /// What is ignored, and why.
+    pub reason: String,
+}
+
+impl fmt::Display for Ignored {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { element, line, reason } = self;
+        write!(f, "{element} (line {line}): {reason}")
+    }
 }
 
 /// Something of a file that no tree can have, and what is in its place.
@@ -75,8 +106,8 @@ pub enum GeometryPurpose {
 /// A shape that is fixed in a body.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Geometry {
-    /// Number of the body in the model.
-    pub body: usize,
+    /// Number of the body in the model; none if it is fixed in the world.
+    pub body: Option<usize>,
     /// What it is for.
     pub purpose: GeometryPurpose,
     /// Its name, if it has one.
@@ -115,6 +146,11 @@ pub enum GeometryShape {
     Sphere {
         /// Its radius, m.
         radius: f64,
+    },
+    /// An ellipsoid.
+    Ellipsoid {
+        /// Its semi-axes, m.
+        radii: Vector3<f64>,
     },
     /// A surface in a file of its own, which is not opened.
     Mesh {

@@ -21,8 +21,8 @@
 //! * a joint that moves no mass, nor do those that follow it, is fixed: its row of the mass matrix is zero;
 //! * a fixed joint that is to mimic another one stays fixed.
 //!
-//! Not read are materials, transmissions, Coulomb friction, effort and velocity limits, safety controllers, calibration
-//! and the extensions of simulators. What a document leaves out has the defaults of the format: origin zero, axis x,
+//! Not read are materials, transmissions, effort and velocity limits, safety controllers, calibration and the extensions of
+//! simulators, nor Coulomb friction, which [`Robot::ignored`] lists. What a document leaves out has the defaults of the format: origin zero, axis x,
 //! limits 0, multiplier 1, offset 0.
 //!
 //! Documents may come from anywhere: a document type declaration (and with it every entity) is refused,
@@ -50,17 +50,16 @@
 
 mod error;
 mod writer;
-mod xml;
 
-use crate::builder::ModelBuilder;
-use crate::error::ModelError;
 use crate::joint::Joint;
-use crate::link::{Link, MassProperties};
-use crate::robot::{Change, Geometry, GeometryPurpose, GeometryShape, Repair, Robot};
+use crate::link::MassProperties;
+use crate::robot::assembly::{Mounting, Part, assemble, possible};
+use crate::robot::document::{self, Element};
+use crate::robot::findings::Findings;
+use crate::robot::{Change, DocumentError, Geometry, GeometryPurpose, GeometryShape, Robot};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use roxmltree::Node;
 use std::collections::{HashMap, HashSet};
-use xml::Element;
 
 pub use error::UrdfError;
 pub use writer::write;
@@ -96,77 +95,24 @@ impl Default for UrdfOptions {
 }
 
 /// A joint as the document has it.
+#[derive(Clone, Copy)]
 struct UrdfJoint<'a> {
     element: Element<'a>,
     parent: usize,
     child: usize,
 }
 
-/// What a joint is, and how it is placed.
-struct Mounting {
-    joint: Joint,
-    origin: Vector3<f64>,
-    orientation: UnitQuaternion<f64>,
-    damping: f64,
-    limits: Option<[f64; 2]>,
-    /// Across its axis a planar joint moves; elsewhere it is z.
-    normal: Vector3<f64>,
-    /// Number of the joint that leads, multiplier and offset.
-    follows: Option<(usize, f64, f64)>,
-}
-
-impl Mounting {
-    /// Fixes the joint at a coordinate.
-    fn lock(&mut self, at: f64) {
-        match self.joint {
-            Joint::Revolute { axis } => {
-                let turn = axis.try_normalize(0.0).map_or(Vector3::zeros(), |axis| axis * at);
-                self.orientation *= UnitQuaternion::from_scaled_axis(turn);
-            }
-            Joint::Prismatic { axis } => {
-                let along = axis.try_normalize(0.0).map_or(Vector3::zeros(), |axis| axis * at);
-                self.origin += self.orientation * along;
-            }
-            Joint::Fixed | Joint::Spherical | Joint::Planar | Joint::Free => {}
-        }
-        let Self { origin, orientation, .. } = *self;
-        *self = Self { origin, orientation, ..Self::fixed() };
-    }
-
-    fn fixed() -> Self {
-        Self {
-            joint: Joint::Fixed,
-            origin: Vector3::zeros(),
-            orientation: UnitQuaternion::identity(),
-            damping: 0.0,
-            limits: None,
-            normal: Vector3::z(),
-            follows: None,
-        }
-    }
-
-    /// A coordinate that it may have, the one nearest to zero.
-    fn rest(&self) -> f64 {
-        let [lower, upper] = self.limits.unwrap_or([0.0, 0.0]);
-        let rest = 0.0_f64.max(lower).min(upper);
-        if rest.is_finite() { rest } else { 0.0 }
-    }
-}
-
 /// The robot of a URDF document.
 pub fn read(text: &str, options: &UrdfOptions) -> Result<Robot, UrdfError> {
-    let document = xml::parse(text)?;
-    let robot = document.root_element();
-    if robot.tag_name().name() != "robot" {
-        return Err(UrdfError::NotARobot { found: xml::shorten(robot.tag_name().name()) });
-    }
+    let document = document::parse(text)?;
+    let robot = document::outermost(&document, "robot")?;
     let elements = |tag| robot.children().filter(move |n: &Node| n.tag_name().name() == tag);
     let mut links: Vec<Element> = Vec::new();
     let mut numbers: HashMap<&str, usize> = HashMap::new();
     for node in elements("link") {
         let link = Element::named(node)?;
-        if numbers.insert(link.name, links.len()).is_some() {
-            return Err(duplicate(&link));
+        if numbers.insert(name_of(&link), links.len()).is_some() {
+            return Err(link.duplicate().into());
         }
         links.push(link);
     }
@@ -174,72 +120,58 @@ pub fn read(text: &str, options: &UrdfOptions) -> Result<Robot, UrdfError> {
     let (root, carries) = hierarchy(&links, &joints)?;
     let order = depth_first(&links, &joints, root, &carries)?;
 
-    let mut repairs = Repairs::new(text);
-    let names: HashMap<&str, usize> = joints.iter().enumerate().map(|(k, j)| (j.element.name, k)).collect();
+    let mut findings = Findings::new([(None, text)]);
+    // of each joint and of each link the number of its part
+    let (mut joint_parts, mut link_parts) = (vec![0; joints.len()], vec![0; links.len()]);
+    for (part, &k) in (1..).zip(&order) {
+        (joint_parts[k], link_parts[joints[k].child]) = (part, part);
+    }
+    let leaders = joints.iter().zip(&joint_parts).map(|(joint, &part)| (name_of(&joint.element), part));
+    let leaders: HashMap<&str, usize> = leaders.collect();
     let mut mountings = Vec::with_capacity(joints.len());
     let mut masses = Vec::with_capacity(links.len());
     for joint in &joints {
-        mountings.push(mounting(&joint.element, &names, options, &mut repairs)?);
+        mountings.push(mounting(&joint.element, &leaders, options, &mut findings)?);
     }
     for link in &links {
-        masses.push(mass_of(link, options, &mut repairs)?);
-    }
-    if !options.strict {
-        lock_massless(&joints, &order, &masses, &mut mountings, &mut repairs);
+        masses.push(possible(inertial(link)?, link, options.strict, &mut findings));
     }
 
-    let mut builder = ModelBuilder::new().with_gravity(options.gravity);
     let base = match options.base {
         Base::Fixed => Joint::Fixed,
         Base::Planar => Joint::Planar,
         Base::Free => Joint::Free,
     };
-    let mut geometry = Vec::new();
-    let first = &links[root];
-    let (mut n_bodies, mut root_moves) = (1, Link::root(first.name, base, masses[root]));
-    if !options.strict && base != Joint::Fixed && masses.iter().all(|body| body.mass == 0.0) {
-        root_moves = Link::root(first.name, Joint::Fixed, masses[root]);
-        repairs.add(first, Change::Locked { at: 0.0 });
-    }
-    add(&mut builder, first, first, root_moves)?;
-    shapes_of(first, 0, &mut geometry)?;
+    let part = |joint, link: usize, parent, mounting| Part {
+        joint,
+        body: links[link],
+        name: name_of(&links[link]).to_owned(),
+        parent,
+        mass: masses[link],
+        mounting,
+    };
+    let mut parts = Vec::with_capacity(links.len());
+    parts.push(part(links[root], root, None, Mounting::here(base)));
     for &k in &order {
-        let UrdfJoint { element, parent, child } = &joints[k];
-        let leader =
-            |(k, multiplier, offset): (usize, f64, f64)| (links[joints[k].child].name, multiplier, offset);
-        let follows = mountings[k].follows.map(leader);
-        n_bodies += attach(
-            &mut builder,
-            element,
-            links[*parent].name,
-            &links[*child],
-            &mountings[k],
-            follows,
-            masses[*child],
-        )?;
-        shapes_of(&links[*child], n_bodies - 1, &mut geometry)?;
+        let UrdfJoint { element, parent, child } = joints[k];
+        parts.push(part(element, child, Some(link_parts[parent]), mountings[k].clone()));
     }
-    let whole = Element::new(robot, robot.attribute("name").unwrap_or_default());
-    let model = builder.build().map_err(|source| whole.rejected(source))?;
-    Ok(Robot { name: whole.name.to_owned(), model, repairs: repairs.list, geometry })
+    let whole = Element::new(robot, Some(robot.attribute("name").unwrap_or_default()));
+    let (model, bodies) = assemble(&whole, &mut parts, options.gravity, options.strict, &mut findings)?;
+    let mut geometry = Vec::new();
+    for (part, &body) in parts.iter().zip(&bodies) {
+        shapes_of(&part.body, body, &mut geometry)?;
+    }
+    let joints = parts.iter().zip(bodies).skip(1);
+    let joints = joints.map(|(part, body)| (name_of(&part.joint).to_owned(), body)).collect();
+    let Findings { repairs, ignored, .. } = findings;
+    let reference = model.neutral();
+    Ok(Robot { name: name_of(&whole).to_owned(), model, reference, joints, repairs, ignored, geometry })
 }
 
-/// The list of repairs, with what finds the line of an element.
-struct Repairs {
-    /// Where the lines of the document end.
-    ends: Vec<usize>,
-    list: Vec<Repair>,
-}
-
-impl Repairs {
-    fn new(text: &str) -> Self {
-        Self { ends: text.match_indices('\n').map(|(end, _)| end).collect(), list: Vec::new() }
-    }
-
-    fn add(&mut self, element: &Element, change: Change) {
-        let line = self.ends.partition_point(|&end| end < element.start()) as u32 + 1;
-        self.list.push(Repair { element: element.to_string(), line, change });
-    }
+/// The name of a link, a joint or the robot, which have one.
+fn name_of<'a>(element: &Element<'a>) -> &'a str {
+    element.name.unwrap_or_default()
 }
 
 /// The joints from the root outwards.
@@ -259,47 +191,8 @@ fn depth_first(
         open.extend(carries[joints[k].child].iter().rev());
     }
     match reached.iter().position(|reached| !reached) {
-        Some(lost) => Err(UrdfError::Cycle { link: links[lost].name.to_owned() }),
+        Some(lost) => Err(UrdfError::Cycle { link: name_of(&links[lost]).to_owned() }),
         None => Ok(order),
-    }
-}
-
-/// Fixes the joints that, with all that follow them, move no mass. Joints whose leaders make no sense are left to the builder.
-fn lock_massless(
-    joints: &[UrdfJoint],
-    order: &[usize],
-    masses: &[MassProperties],
-    mountings: &mut [Mounting],
-    repairs: &mut Repairs,
-) {
-    let mut carried: Vec<f64> = masses.iter().map(|body| body.mass).collect();
-    for &k in order.iter().rev() {
-        carried[joints[k].parent] += carried[joints[k].child];
-    }
-    // for each joint the one that leads in the end, multiplier and offset
-    let lead = |mut k: usize| {
-        let (mut multiplier, mut offset) = (1.0, 0.0);
-        for _ in 0..joints.len() {
-            let Some((leader, m, o)) = mountings[k].follows else { break };
-            (k, multiplier, offset) = (leader, multiplier * m, offset + multiplier * o);
-        }
-        (k, multiplier, offset)
-    };
-    let leads: Vec<(usize, f64, f64)> = (0..joints.len()).map(lead).collect();
-    let mut moved = vec![0.0; joints.len()];
-    for (joint, &(leader, multiplier, _)) in joints.iter().zip(&leads) {
-        if multiplier != 0.0 {
-            moved[leader] += carried[joint.child];
-        }
-    }
-    let rest: Vec<f64> = mountings.iter().map(Mounting::rest).collect();
-    for &k in order {
-        let (leader, multiplier, offset) = leads[k];
-        if moved[leader] == 0.0 && mountings[k].joint != Joint::Fixed {
-            let at = multiplier * rest[leader] + offset;
-            mountings[k].lock(at);
-            repairs.add(&joints[k].element, Change::Locked { at });
-        }
     }
 }
 
@@ -310,14 +203,14 @@ fn hierarchy(links: &[Element], joints: &[UrdfJoint]) -> Result<(usize, Vec<Vec<
     let mut names = HashSet::new();
     for (k, joint) in joints.iter().enumerate() {
         if !names.insert(joint.element.name) {
-            return Err(duplicate(&joint.element));
+            return Err(joint.element.duplicate().into());
         }
         if let Some(other) = carried_by[joint.child].replace(k) {
             return Err(UrdfError::SecondParent {
                 element: joint.element.to_string(),
                 line: joint.element.line(),
-                link: links[joint.child].name.to_owned(),
-                other: joints[other].element.name.to_owned(),
+                link: name_of(&links[joint.child]).to_owned(),
+                other: name_of(&joints[other].element).to_owned(),
             });
         }
         carries[joint.parent].push(k);
@@ -326,16 +219,12 @@ fn hierarchy(links: &[Element], joints: &[UrdfJoint]) -> Result<(usize, Vec<Vec<
     match (roots.next(), roots.next()) {
         (Some(root), None) => Ok((root, carries)),
         (Some(first), Some(second)) => {
-            let name = |i: usize| links[i].name.to_owned();
+            let name = |i: usize| name_of(&links[i]).to_owned();
             Err(UrdfError::SeveralRoots { first: name(first), second: name(second) })
         }
         (None, _) if links.is_empty() => Err(UrdfError::NoLink),
-        (None, _) => Err(UrdfError::Cycle { link: links[0].name.to_owned() }),
+        (None, _) => Err(UrdfError::Cycle { link: name_of(&links[0]).to_owned() }),
     }
-}
-
-fn duplicate(element: &Element) -> UrdfError {
-    UrdfError::DuplicateName { element: element.to_string(), line: element.line() }
 }
 
 fn joint<'a>(node: Node<'a, 'a>, links: &HashMap<&str, usize>) -> Result<UrdfJoint<'a>, UrdfError> {
@@ -345,33 +234,21 @@ fn joint<'a>(node: Node<'a, 'a>, links: &HashMap<&str, usize>) -> Result<UrdfJoi
         links.get(name).copied().ok_or_else(|| UrdfError::UnknownLink {
             element: element.to_string(),
             line: element.line(),
-            link: xml::shorten(name),
+            link: document::shorten(name),
         })
     };
     let (parent, child) = (link("parent")?, link("child")?);
     Ok(UrdfJoint { element, parent, child })
 }
 
-/// Adds a body; what is wrong with its mass is said of the link, anything else of the joint.
-fn add(builder: &mut ModelBuilder, joint: &Element, link: &Element, body: Link) -> Result<(), UrdfError> {
-    use ModelError::{AsymmetricInertia, Negative, NonFinite, NonPhysicalInertia};
-    builder.add(body).map(drop).map_err(|source| match &source {
-        AsymmetricInertia { .. }
-        | NonPhysicalInertia { .. }
-        | Negative { argument: "mass", .. }
-        | NonFinite { argument: "mass" | "center" | "inertia", .. } => link.rejected(source),
-        _ => joint.rejected(source),
-    })
-}
-
-/// What a joint of the document is.
+/// What a joint of the document is; `leaders` are the numbers of the joints.
 fn mounting(
     joint: &Element,
-    names: &HashMap<&str, usize>,
+    leaders: &HashMap<&str, usize>,
     options: &UrdfOptions,
-    repairs: &mut Repairs,
+    findings: &mut Findings,
 ) -> Result<Mounting, UrdfError> {
-    let (origin, orientation) = joint.origin()?;
+    let (position, orientation) = origin(joint)?;
     let axis = match joint.optional("axis")? {
         Some(axis) => axis.vector("xyz")?.unwrap_or(Vector3::x()),
         None => Vector3::x(),
@@ -385,107 +262,75 @@ fn mounting(
         "floating" => (Joint::Free, false),
         "planar" => (Joint::Planar, false),
         _ => {
-            let (element, line, found) = (joint.to_string(), joint.line(), xml::shorten(kind));
+            let (element, line, found) = (joint.to_string(), joint.line(), document::shorten(kind));
             return Err(UrdfError::UnknownJointType { element, line, found });
         }
     };
-    let damping = match joint.optional("dynamics")? {
-        Some(dynamics) => dynamics.number_or_none("damping")?.unwrap_or(0.0),
-        None => 0.0,
-    };
-    let limits = if limited {
+    let mut mounting = Mounting::new(joint_kind, position, orientation);
+    if let Some(dynamics) = joint.optional("dynamics")? {
+        mounting.damping = dynamics.number_or_none("damping")?.unwrap_or(0.0);
+        let friction = dynamics.attribute_or_none("friction");
+        if friction.is_some_and(|text| text.trim().parse() != Ok(0.0)) {
+            findings.ignore(joint, "Coulomb friction is not read");
+        }
+    }
+    if limited {
         let limit = joint.required("limit")?;
-        Some([limit.bound("lower")?, limit.bound("upper")?])
-    } else {
-        None
-    };
-    let follows = match joint.optional("mimic")? {
-        None => None,
+        mounting.limits = Some([limit.bound("lower")?, limit.bound("upper")?]);
+    }
+    match joint.optional("mimic")? {
+        None => {}
         Some(_) if joint_kind == Joint::Fixed && !options.strict => {
-            repairs.add(joint, Change::FixedFollower);
-            None
+            findings.repair(joint, Change::FixedFollower);
         }
         Some(mimic) => {
             let leader = mimic.attribute("joint")?;
-            let number = names.get(leader).copied().ok_or_else(|| UrdfError::UnknownJoint {
+            let number = leaders.get(leader).copied().ok_or_else(|| UrdfError::UnknownJoint {
                 element: joint.to_string(),
                 line: joint.line(),
-                joint: xml::shorten(leader),
+                joint: document::shorten(leader),
             })?;
             let multiplier = mimic.number_or_none("multiplier")?.unwrap_or(1.0);
-            Some((number, multiplier, mimic.number_or_none("offset")?.unwrap_or(0.0)))
+            mounting.follows = Some((number, multiplier, mimic.number_or_none("offset")?.unwrap_or(0.0)));
+        }
+    }
+    if joint_kind == Joint::Planar {
+        mounting.normal = axis;
+    }
+    Ok(mounting)
+}
+
+/// Position and rotation of the `<origin>` of an element.
+fn origin(element: &Element) -> Result<(Vector3<f64>, UnitQuaternion<f64>), UrdfError> {
+    let Some(origin) = element.optional("origin")? else {
+        return Ok((Vector3::zeros(), UnitQuaternion::identity()));
+    };
+    let position = origin.vector("xyz")?.unwrap_or_default();
+    let rotation = match (origin.finite("rpy")?, origin.finite("quat_xyzw")?) {
+        (None, None) => UnitQuaternion::identity(),
+        (Some([roll, pitch, yaw]), None) => UnitQuaternion::from_euler_angles(roll, pitch, yaw),
+        (None, Some(q)) => origin.rotation("quat_xyzw", q)?,
+        (Some(_), Some(_)) => {
+            return Err(UrdfError::TwoRotations { element: element.to_string(), line: origin.line() });
         }
     };
-    let normal = if joint_kind == Joint::Planar { axis } else { Vector3::z() };
-    Ok(Mounting { joint: joint_kind, origin, orientation, damping, limits, normal, follows })
-}
-
-/// Adds a link on its joint, and says how many bodies that took. `follows` names the link that the leading joint carries.
-fn attach(
-    builder: &mut ModelBuilder,
-    joint: &Element,
-    parent: &str,
-    link: &Element,
-    mounting: &Mounting,
-    follows: Option<(&str, f64, f64)>,
-    mass: MassProperties,
-) -> Result<usize, UrdfError> {
-    let Mounting { joint: joint_kind, origin, orientation, damping, limits, normal, .. } = *mounting;
-    let mut moving =
-        Link::child(link.name, parent, joint_kind, mass).at(origin).turned(orientation).with_damping(damping);
-    if let Some([lower, upper]) = limits {
-        moving = moving.with_limits(lower, upper);
-    }
-    if let Some((leader, multiplier, offset)) = follows {
-        moving = moving.following(leader, multiplier, offset);
-    }
-    if normal.xy() == nalgebra::Vector2::zeros() && normal.z > 0.0 {
-        return add(builder, joint, link, moving).map(|()| 1);
-    }
-    if normal == Vector3::zeros() {
-        return Err(joint.rejected(ModelError::ZeroAxis { name: link.name.to_owned() }));
-    }
-    let turn = UnitQuaternion::rotation_between(&Vector3::z(), &normal)
-        .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
-    let plane = format!("{} plane", link.name);
-    let between = Link::child(&plane, parent, Joint::Planar, MassProperties::massless());
-    add(builder, joint, link, between.at(origin).turned(orientation * turn).with_damping(damping))?;
-    add(builder, joint, link, Link::child(link.name, plane, Joint::Fixed, mass).turned(turn.inverse()))?;
-    Ok(2)
-}
-
-/// The mass of a link, or the nearest that it can have.
-fn mass_of(
-    link: &Element,
-    options: &UrdfOptions,
-    repairs: &mut Repairs,
-) -> Result<MassProperties, UrdfError> {
-    let found = inertial(link)?;
-    if options.strict {
-        return Ok(found);
-    }
-    let nearest = found.nearest_possible();
-    if nearest != found {
-        let (found, nearest) = (found.principal_moments(), nearest.principal_moments());
-        repairs.add(link, Change::Inertia { found, nearest });
-    }
-    Ok(nearest)
+    Ok((position, rotation))
 }
 
 /// What is to be seen and touched of a link that is body number `body`.
 fn shapes_of(link: &Element, body: usize, geometry: &mut Vec<Geometry>) -> Result<(), UrdfError> {
     for (tag, purpose) in [("visual", GeometryPurpose::Visual), ("collision", GeometryPurpose::Collision)] {
         for element in link.all(tag) {
-            let (position, orientation) = element.origin()?;
+            let (position, orientation) = origin(&element)?;
             let name = element.attribute_or_none("name").map(str::to_owned);
             let shape = shape(&element.required("geometry")?)?;
-            geometry.push(Geometry { body, purpose, name, position, orientation, shape });
+            geometry.push(Geometry { body: Some(body), purpose, name, position, orientation, shape });
         }
     }
     Ok(())
 }
 
-fn shape(geometry: &Element) -> Result<GeometryShape, UrdfError> {
+fn shape(geometry: &Element) -> Result<GeometryShape, DocumentError> {
     if let Some(found) = geometry.optional("box")? {
         let size = found.vector("size")?.ok_or_else(|| found.missing("size"))?;
         Ok(GeometryShape::Box { size })
@@ -505,7 +350,7 @@ fn shape(geometry: &Element) -> Result<GeometryShape, UrdfError> {
 /// Mass, centre and inertia of a link in its own axes.
 fn inertial(link: &Element) -> Result<MassProperties, UrdfError> {
     let Some(inertial) = link.optional("inertial")? else { return Ok(MassProperties::massless()) };
-    let (center, orientation) = inertial.origin()?;
+    let (center, orientation) = origin(&inertial)?;
     let mass = inertial.required("mass")?.number("value")?;
     let tensor = inertial.required("inertia")?;
     let entry = |name| tensor.number(name);

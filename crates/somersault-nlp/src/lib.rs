@@ -1,7 +1,9 @@
-//! Nonlinear programs and their solvers.
+#![doc = include_str!("../README.md")]
 //!
-//! ```text
-//! minimise f(z)  subject to  l ≤ z ≤ u  and  l_c ≤ c(z) ≤ u_c
+//! # How it works
+//!
+//! ```math
+//! \min_z\ f(z) \quad\text{subject to}\quad l \le z \le u, \quad l_c \le c(z) \le u_c
 //! ```
 //! A program is a type that implements [`Nlp`]: its sizes and sparsity, values and derivatives. An equality is a constraint
 //! whose bounds are equal; a bound that does not hold is infinite. The Lagrangian is L = f + yᵀ c + yᵀ_z z, with
@@ -42,46 +44,6 @@
 //! **Advice.** A strong penalty on a nonlinear function, or a long integration, bends a narrow valley, along which
 //! every method creeps. Make the function's value and the state at a few nodes variables, with equalities: the same
 //! minimum then takes a fraction of the steps (7 instead of 171 for case A of the thesis' Table A.1, 9 for case G).
-//!
-//! ```
-//! use somersault_nlp::{Bounds, Curvature, EvaluationError, Nlp, NoHessian, Pattern, Structure};
-//! use somersault_nlp::{Flow, NlpSolver, Sqp, Start};
-//!
-//! /// The largest x + y in the unit disc.
-//! struct Disc(Structure);
-//!
-//! impl Nlp for Disc {
-//!     fn structure(&self) -> &Structure {
-//!         &self.0
-//!     }
-//!     fn evaluate(&mut self, z: &[f64], c: &mut [f64]) -> Result<f64, EvaluationError> {
-//!         c[0] = z[0] * z[0] + z[1] * z[1];
-//!         Ok(-z[0] - z[1])
-//!     }
-//!     fn differentiate(&mut self, z: &[f64], g: &mut [f64], j: &mut [f64]) -> Result<(), EvaluationError> {
-//!         g.fill(-1.0);
-//!         j.copy_from_slice(&[2.0 * z[0], 2.0 * z[1]]);
-//!         Ok(())
-//!     }
-//!     fn curvature(&self) -> Curvature {
-//!         Curvature::None
-//!     }
-//!     fn hessian(&mut self, _: &[f64], _: f64, _: &[f64], _: &mut [f64]) -> Result<(), EvaluationError> {
-//!         Err(NoHessian.into())
-//!     }
-//! }
-//!
-//! let mut disc = Disc(Structure {
-//!     variables: Bounds::free(2),
-//!     constraints: Bounds { lower: vec![f64::NEG_INFINITY], upper: vec![1.0] },
-//!     jacobian: Pattern::dense(1, 2),
-//!     hessian: Pattern::from_entries(2, 2, []),
-//! });
-//! let report = Sqp::default().solve(&mut disc, &Start::from(vec![1.0, 0.0]), &mut |_| Flow::Continue)?;
-//! assert!(report.status.is_converged());
-//! assert!((report.cost + 2f64.sqrt()).abs() < 1e-9);
-//! # Ok::<(), somersault_nlp::SolverError>(())
-//! ```
 //!
 //! References: J. Nocedal & S. Wright, Numerical Optimization (2006). A. Wächter & L. Biegler, Math. Program. 106
 //! (2006) 25–57. R. Fletcher & S. Leyffer, Math. Program. 91 (2002) 239–269. J. Morales, J. Nocedal & Y. Wu, IMA J. Numer. Anal. 32 (2012) 553–579. P. Gill, W. Murray &

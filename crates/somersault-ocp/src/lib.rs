@@ -1,5 +1,11 @@
-//! Optimal motions of articulated bodies.
+#![doc = include_str!("../README.md")]
 //!
+//! # How it works
+//!
+//! ```math
+//! \min\ \Phi\big(x(t_0), x(t_f)\big) + \int_{t_0}^{t_f} L(x, u, t)\, dt \quad\text{subject to}\quad \dot x = f(x, u, t),
+//! \quad g(x, u, t) \le 0
+//! ```
 //! A motion is sought that makes a cost small and keeps to constraints. What is unknown about it, the decision
 //! vector z, is a start and the parameters of the joint motion; a [`transcription`] makes nodes of it, a
 //! [`term`] makes numbers of a node, a [`problem`] costs and constraints of these, and the result is a nonlinear

@@ -14,8 +14,10 @@ mod motion;
 mod multibody;
 mod ocp;
 
+// Nothing here relies on the lock of the interpreter: classes are frozen, what they fill in or lend is behind cells and
+// mutexes, and `unsafe` is forbidden.
 /// Motion of rigid and articulated bodies: what the package `somersault` is made of.
-#[pyo3::pymodule]
+#[pyo3::pymodule(gil_used = false)]
 mod _somersault {
     use pyo3::prelude::*;
 

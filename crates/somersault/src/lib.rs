@@ -1,18 +1,4 @@
-//! Simulate and optimise rigid and articulated bodies: Lie group integrators, contact events, multibody dynamics and
-//! trajectory optimisation.
-//!
-//! ```
-//! use somersault::prelude::*;
-//!
-//! // A box that tumbles freely for ten seconds.
-//! let body = RigidBody::try_box(1.0, Vector3::new(0.2, 0.4, 0.6))?;
-//! let system = RigidBodySystem::free(body);
-//! let start = RigidBodyState::spinning(Vector3::new(1.0, 2.0, 3.0));
-//! let grid = TimeGrid::try_new(0.0, 10.0, 0.01)?;
-//! let end = Run::new(&system, Method::Rkmk, grid).from(&start)?;
-//! assert_eq!(end.t, 10.0);
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
+#![doc = include_str!("../README.md")]
 //!
 //! # Features
 //!
@@ -23,7 +9,7 @@
 //! |---|---|
 //! | `rayon` | batches of bodies, studies of energy and stability, on all processors |
 //! | `multibody` | trees of bodies |
-//! | `urdf` | reading and writing trees in URDF, with `multibody` |
+//! | `robots` | robots from URDF and MJCF, and URDF written, with `multibody` |
 //! | `contact` | compliant contact with located events |
 //! | `nlp` | nonlinear programs and their solvers |
 //! | `ocp` | optimal motions; brings `multibody` and `nlp` |

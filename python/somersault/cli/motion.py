@@ -152,6 +152,9 @@ def _model(document: Document) -> somersault.Model:
             return somersault.Model.read_urdf(path, base=values.get("base", "fixed"))
     if "base" in values:
         raise document.fault(("tree", "base"), "belongs to a file of URDF")
+    if "mjcf" in values:
+        with document.at("tree", "mjcf"):
+            return somersault.Model.read_mjcf(document.path.parent / values["mjcf"])
     made = getattr(multibody, values["name"])()
     model: somersault.Model = getattr(made, "model", made)
     return model

@@ -34,6 +34,16 @@ def body_motion(trajectory: somersault.Trajectory, axes: Sequence[Axes] | None =
     Returns
     -------
     sequence of four matplotlib.axes.Axes
+
+    Examples
+    --------
+    >>> import somersault
+    >>> from somersault import plotting
+    >>> body = somersault.RigidBody.box(1.0, (0.2, 0.4, 0.6))
+    >>> start = somersault.State(angular_velocity=(0.1, 8.0, 0.1))
+    >>> axes = plotting.body_motion(somersault.integrate(body, start, (0.0, 1.0), dt=0.01))
+    >>> axes[0].get_ylabel()
+    'position, m'
     """
     if axes is None:
         axes = plt.figure(figsize=(9.0, 7.6), layout="constrained").subplots(4, 1, sharex=True)
@@ -74,6 +84,17 @@ def gaps(motion: somersault.Trajectory, contacts: Any, axes: Sequence[Axes] | No
     Returns
     -------
     sequence of two matplotlib.axes.Axes
+
+    Examples
+    --------
+    >>> import somersault
+    >>> from somersault import contact, plotting
+    >>> ball = contact.bouncing_ball(1.0, 0.1, contact.CompliantLaw.from_restitution(1.0, 1e4, 0.8), 0.2)
+    >>> motion = somersault.integrate(
+    ...     ball.body, ball.state, (0.0, 0.5), dt=0.005, forces=ball.forces, contacts=ball.contacts)
+    >>> axes = plotting.gaps(motion, ball.contacts)
+    >>> axes[0].get_ylabel(), axes[1].get_ylabel()
+    ('gap, mm', 'normal force, N')
     """
     if axes is None:
         axes = plt.figure(figsize=(9.0, 5.2), layout="constrained").subplots(2, 1, sharex=True)
@@ -130,6 +151,14 @@ def tree_configuration(
     Returns
     -------
     matplotlib.axes.Axes
+
+    Examples
+    --------
+    >>> from somersault import multibody, plotting
+    >>> diver = multibody.diver_planar()
+    >>> ax = plotting.tree_configuration(diver.model, diver.configuration("H"))
+    >>> len(ax.patches) >= diver.model.n_bodies
+    True
     """
     ax = ax or plt.figure(figsize=(4.0, 6.0), layout="constrained").add_subplot()
     right, up = ("xyz".index(axis) for axis in view)
@@ -182,6 +211,16 @@ def polhode(
     Returns
     -------
     mpl_toolkits.mplot3d.axes3d.Axes3D
+
+    Examples
+    --------
+    >>> import somersault
+    >>> from somersault import plotting
+    >>> body = somersault.RigidBody(1.0, (1.0, 2.0, 3.0))
+    >>> starts = [somersault.State(angular_velocity=(x, 1.0, 0.0)) for x in (0.1, 0.5)]
+    >>> ax = plotting.polhode(somersault.integrate(body, start, (0.0, 9.0), dt=0.1) for start in starts)
+    >>> ax.name
+    '3d'
     """
     if isinstance(trajectories, somersault.Trajectory):
         trajectories = [trajectories]

@@ -42,6 +42,14 @@ def exponents(
     Returns
     -------
     matplotlib.axes.Axes
+
+    Examples
+    --------
+    >>> from somersault import ftla, plotting
+    >>> flow = ftla.VariationalFlow(ftla.linear_regulator())
+    >>> ax = plotting.exponents(flow.spectra([1.0, 0.4], [1.0, 2.0, 4.0]), dims=(1, 0, 1))
+    >>> ax.get_xlabel()
+    'averaging time T, s'
     """
     ax = ax or plt.figure(figsize=(5.0, 3.6), layout="constrained").add_subplot()
     times = [spectrum.time for spectrum in spectra]
@@ -83,6 +91,17 @@ def projections(
     Returns
     -------
     matplotlib.axes.Axes
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from somersault import ftla, multibody, plotting
+    >>> system = ftla.tree(multibody.two_link_arm())
+    >>> times = np.linspace(0.0, 1.0, 20)
+    >>> points = ftla.VariationalFlow(system).state([0.0, 0.5, 0.1, 0.0, 0.0, 0.1, 0.1, 0.0], times)
+    >>> ax = plotting.projections([(times, points)], (0, 1, 2), ("θ₁", "θ₂", "rate of θ₁"), (0.2, 0.2))
+    >>> ax.get_xlabel()
+    'θ₁'
     """
     from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
@@ -140,6 +159,16 @@ def subspace_angles(
     Returns
     -------
     matplotlib.axes.Axes
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from somersault import ftla, plotting
+    >>> flow = ftla.VariationalFlow(ftla.linear_regulator())
+    >>> times = np.linspace(0.0, 2.0, 5)
+    >>> ax = plotting.subspace_angles(flow, times, flow.state([1.0, 0.42], times), (1, 0, 1), averaging=2.0)
+    >>> ax.get_xlabel()
+    't, s'
     """
     ax = ax or plt.figure(figsize=(8.0, 3.6), layout="constrained").add_subplot()
     times, points = np.asarray(times, dtype=float), np.asarray(points, dtype=float)
@@ -192,6 +221,16 @@ def compare_motions(
     -------
     matplotlib.axes.Axes
         The first of them; each panel spans what the first motion does.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from somersault import ftla, plotting
+    >>> flow, times = ftla.VariationalFlow(ftla.cubic_regulator()), np.linspace(0.0, 2.0, 20)
+    >>> motions = {str(costate): (times, flow.state([1.0, costate], times)) for costate in (0.41, 0.42)}
+    >>> ax = plotting.compare_motions(motions, ["x", "λ"])
+    >>> len(ax.lines)
+    2
     """
     rows = (len(names) + 1) // 2
     figure = plt.figure(figsize=(9.0, 1.9 * rows + 0.5), layout="constrained")

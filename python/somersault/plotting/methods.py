@@ -34,14 +34,28 @@ _DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)))
 
 
 def abbreviation(name: str) -> str:
-    """The name of a method as in the legends of the thesis (Table 7.3): ``AB4``, ``Euler``, ``RKMK_L``."""
+    """The name of a method as in the legends of the thesis (Table 7.3): ``AB4``, ``Euler``, ``RKMK_L``.
+
+    Examples
+    --------
+    >>> from somersault import plotting
+    >>> plotting.abbreviation("rkmk_l")
+    'RKMK_L'
+    """
     stem, _, variables = name.partition("_")
     stem = stem.capitalize() if stem in ("euler", "heun") else stem.upper()
     return f"{stem}_{variables.upper()}" if variables else stem
 
 
 def style(name: str) -> dict[str, Any]:
-    """Colour, marker, line and label of a method, as keyword arguments of `Axes.plot`."""
+    """Colour, marker, line and label of a method, as keyword arguments of `Axes.plot`.
+
+    Examples
+    --------
+    >>> from somersault import plotting
+    >>> plotting.style("rkmk")["label"]
+    'RKMK'
+    """
     index = somersault.methods().names.index(name)
     return {
         "color": MUTED[index % len(MUTED)],
@@ -65,6 +79,13 @@ def stability_regions(regions: Mapping[str, Any], ax: Axes | None = None) -> Axe
     -------
     matplotlib.axes.Axes
         Methods that have the same region share a curve.
+
+    Examples
+    --------
+    >>> from somersault import plotting, studies
+    >>> ax = plotting.stability_regions({name: studies.stability_region(name) for name in ("heun", "rk4")})
+    >>> [text.get_text() for text in ax.get_legend().get_texts()]
+    ['Heun  (5.87)', 'RK4  (12.70)']
     """
     ax = ax or plt.figure(figsize=(7.0, 6.2), layout="constrained").add_subplot()
     handles = []
@@ -149,6 +170,14 @@ def energy_ratios(
     Returns
     -------
     matplotlib.axes.Axes
+
+    Examples
+    --------
+    >>> from somersault import plotting, studies
+    >>> found = {name: studies.energy(name, studies.prisms(3), steps=[1, 10]) for name in ("rkmk", "dmv2s")}
+    >>> ax = plotting.energy_ratios(found)
+    >>> [tick.get_text() for tick in ax.get_xticklabels()]
+    ['RKMK', 'DMV2S']
     """
     ax = ax or plt.figure(figsize=(9.0, 4.6), layout="constrained").add_subplot()
     low, high = limits
@@ -193,6 +222,13 @@ def observed_orders(
     Returns
     -------
     matplotlib.axes.Axes
+
+    Examples
+    --------
+    >>> from somersault import plotting
+    >>> ax = plotting.observed_orders({"heun": 1.98, "rkmk": 4.01}, {"heun": 2, "rkmk": 4})
+    >>> [tick.get_text() for tick in ax.get_xticklabels()]
+    ['Heun', 'RKMK']
     """
     names = list(observed)
     width = max(6.0, 0.27 * len(names))
@@ -254,6 +290,16 @@ def work_precision_diagram(
     Returns
     -------
     matplotlib.axes.Axes
+
+    Examples
+    --------
+    >>> from somersault import plotting, studies
+    >>> problem = studies.Problem.case(1)
+    >>> methods, dts = ("heun", "rkmk"), [0.2, 0.1]
+    >>> runs = {name: studies.work_precision(problem, name, dts, repeats=1) for name in methods}
+    >>> ax = plotting.work_precision_diagram(runs, against="evaluations")
+    >>> ax.get_xscale(), len(ax.lines)
+    ('log', 2)
     """
     ax = ax or plt.figure(figsize=(9.0, 5.4), layout="constrained").add_subplot()
     for name, run in runs.items():

@@ -55,6 +55,20 @@ def motion_groups(
     Returns
     -------
     sequence of four matplotlib.axes.Axes
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from somersault import motion, multibody, ocp, plotting
+    >>> diver, t = multibody.diver_planar(), np.linspace(0.0, 1.0, 8)
+    >>> straight, pike = diver.configuration("A"), diver.configuration("H")
+    >>> markers = motion.MarkerSet.joint_centres(diver.model)
+    >>> seen = motion.place_markers(markers, t, np.linspace(straight, pike, 8))
+    >>> base = ocp.EigenpostureBase([straight[3:], pike[3:]])
+    >>> fit = motion.MarkerFit(markers, base=base, scale=1.0).fit(seen)
+    >>> axes = plotting.motion_groups({"all": [fit]}, n_frames=5)
+    >>> [ax.get_ylabel() for ax in axes]
+    ['eigenweight', 'marker error, mm', 'scaling factor', 'rotation, turns']
     """
     if axes is None:
         axes = list(plt.figure(figsize=(9.0, 6.4), layout="constrained").subplots(2, 2, sharex=True).flat)

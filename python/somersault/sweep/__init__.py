@@ -76,7 +76,8 @@ def grid(**axes: Iterable[Any]) -> list[dict[str, Any]]:
 
     Examples
     --------
-    >>> grid(dt=[0.1, 0.2], method=["rkmk"])
+    >>> from somersault import sweep
+    >>> sweep.grid(dt=[0.1, 0.2], method=["rkmk"])
     [{'dt': 0.1, 'method': 'rkmk'}, {'dt': 0.2, 'method': 'rkmk'}]
     """
     for name, values in axes.items():
@@ -92,6 +93,9 @@ class Failure:
 
     type: str
     message: str
+
+    def __repr__(self) -> str:
+        return f"Failure({self.type!r}, {self.message!r:.150})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +120,10 @@ class Sweep:
     values: list[Any]
     failures: dict[int, Failure]
     missing: list[int]
+
+    def __repr__(self) -> str:
+        counts = f"{self.n_done} done, {self.n_failed} failed, {len(self.missing)} missing"
+        return f"<Sweep: {len(self)} points, {counts}>"
 
     def __len__(self) -> int:
         return len(self.points)
@@ -147,6 +155,18 @@ class Sweep:
 
         Values that are dictionaries have a column for each key, others the column ``value``. Where there is
         no value a column of numbers has NaN, and others None.
+
+        Examples
+        --------
+        >>> from somersault import sweep
+        >>> def inverse(x):
+        ...     return {"y": 1.0 / x}
+        >>> found = sweep.run(inverse, sweep.grid(x=[0.0, 2.0]), version="1")
+        >>> for name, column in found.table().items():
+        ...     print(name, column.tolist())
+        x [0.0, 2.0]
+        y [nan, 0.5]
+        error ['float division by zero', '']
         """
         values = [
             value if isinstance(value, Mapping) else {} if value is None else {"value": value}
@@ -256,6 +276,18 @@ def run(
         `version` is needed, or an argument has another type.
     somersault.errors.SweepError
         If the directory is in use, or the cluster goes away.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from somersault import sweep
+    >>> def square(x):
+    ...     return x * x
+    >>> folder = tempfile.mkdtemp()
+    >>> sweep.run(square, sweep.grid(x=[1.0, 2.0, 3.0]), directory=folder).values
+    [1.0, 4.0, 9.0]
+    >>> sweep.run(square, sweep.grid(x=[1.0, 2.0, 3.0]), directory=folder).n_done
+    3
     """
     _check(function, points, directory, version, workers, client)
     bare = [_point(i, point) for i, point in enumerate(points)]
@@ -291,6 +323,17 @@ def read(directory: str | PathLike[str]) -> Sweep:
     ------
     somersault.errors.ReadError
         If the directory is not one of a sweep.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from somersault import sweep
+    >>> def square(x):
+    ...     return x * x
+    >>> folder = tempfile.mkdtemp()
+    >>> _ = sweep.run(square, sweep.grid(x=[1.0, 2.0]), directory=folder)
+    >>> sweep.read(folder).values
+    [1.0, 4.0]
     """
     folder = Folder(_path(directory))
     n_points = folder.manifest()["n_points"]

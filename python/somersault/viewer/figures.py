@@ -286,6 +286,14 @@ def equivalent_ellipsoid(mass: float, inertia: ArrayLike) -> tuple[Array, Rotati
     """The radii and axes of the solid ellipsoid with this mass and inertia, kg and kg m².
 
     aᵢ² = 5 (Iⱼ + Iₖ − Iᵢ) / 2m along the principal axis i.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from somersault import viewer
+    >>> radii, axes = viewer.equivalent_ellipsoid(5.0, np.diag([13.0, 10.0, 5.0]))
+    >>> radii.round(6)
+    array([3., 2., 1.])
     """
     moments, axes = np.linalg.eigh(np.asarray(inertia, dtype=np.float64))
     squares = 2.5 * (moments.sum() - 2.0 * moments) / mass
@@ -338,7 +346,15 @@ def figure(model: Model) -> Shapes:
     -------
     dict of str to list of Shape
         For each body that is seen, in its axes.
+
+    Examples
+    --------
+    >>> from somersault import multibody, viewer
+    >>> sorted(viewer.figure(multibody.cart_pendulum()))
+    ['cart', 'pendulum']
     """
+    if not isinstance(model, Model):
+        raise TypeError(f"`model` must be a Model, found {type(model).__name__}")
     if _is_diver(model.names):
         return _Diver(model).shapes()
     return _cart_pendulum(model) if is_cart_pendulum(model) else _tree(model)

@@ -109,6 +109,10 @@ class Scene:
         self._arrows: tuple[Arrow, ...] = ()
         self._normal = False
 
+    def __repr__(self) -> str:
+        counts = f"motions: {len(self._actors)}, fixed shapes: {len(self._fixed)}"
+        return f"<Scene: {reprlib.repr(self.title)}, {counts}>"
+
     def add(
         self,
         moving: Any,
@@ -168,6 +172,19 @@ class Scene:
             Lengths do not match, a number is not finite, times do not rise, or a name is unknown.
         TypeError
             Nothing moves in what is given; the message says what to add in its place.
+
+        Examples
+        --------
+        Two motions side by side:
+
+        >>> from somersault import multibody, viewer
+        >>> cart = multibody.cart_pendulum()
+        >>> scene = viewer.Scene("Two starts")
+        >>> for panel, angle in enumerate((0.1, 1.0)):
+        ...     motion = multibody.integrate_tree(cart, (0.0, angle), (0.0, 0.0), (0.0, 1.0), dt=0.02)
+        ...     _ = scene.add(motion, label=f"{angle} rad", panel=panel)
+        >>> scene.interval
+        (0.0, 1.0)
         """
         subject = resolve(moving, t, q, v)
         found = track(subject)
@@ -208,17 +225,38 @@ class Scene:
         self._fixed += [(shape, _SURFACE) for shape in shapes if shape is not None]
 
     def ground(self, height: float = 0.0) -> Scene:
-        """Adds level ground."""
+        """Adds level ground.
+
+        Examples
+        --------
+        >>> from somersault import viewer
+        >>> viewer.Scene("A lawn").ground(0.0)
+        <Scene: 'A lawn', motions: 0, fixed shapes: 0>
+        """
         self._ground = float(numbers("height", height, ()))
         return self
 
     def water(self, height: float = 0.0) -> Scene:
-        """Adds a level surface of water, through which one sees."""
+        """Adds a level surface of water, through which one sees.
+
+        Examples
+        --------
+        >>> from somersault import viewer
+        >>> viewer.Scene("A pool").water(0.0)
+        <Scene: 'A pool', motions: 0, fixed shapes: 0>
+        """
         self._water = float(numbers("height", height, ()))
         return self
 
     def fixed(self, shape: Shape, color: str = "#a9b0bb") -> Scene:
-        """Adds a solid that stays where it is, in world axes."""
+        """Adds a solid that stays where it is, in world axes.
+
+        Examples
+        --------
+        >>> from somersault import viewer
+        >>> viewer.Scene("A post").fixed(viewer.Cylinder((1, 0, 0), (1, 0, 2), 0.05), "#8a7b66")
+        <Scene: 'A post', motions: 0, fixed shapes: 1>
+        """
         if not isinstance(shape, Shape):
             raise InputError(f"`shape` must be a shape, found a {type(shape).__name__}")
         rgb("color", color)
@@ -226,20 +264,41 @@ class Scene:
         return self
 
     def box(self, center: ArrayLike, lengths: ArrayLike, color: str = "#a9b0bb") -> Scene:
-        """Adds a cuboid with its edges along the axes of the world."""
+        """Adds a cuboid with its edges along the axes of the world.
+
+        Examples
+        --------
+        >>> from somersault import viewer
+        >>> viewer.Scene("A step").box(center=(0.5, 0.0, 0.1), lengths=(1.0, 1.0, 0.2))
+        <Scene: 'A step', motions: 0, fixed shapes: 1>
+        """
         return self.fixed(Box(lengths, center=center), color)
 
     def platform(
         self, height: float = 10.0, *, edge: float = 0.0, length: float = 6.0, width: float = 3.0
     ) -> Scene:
-        """Adds a diving platform: a slab whose top is at a height, and whose front edge is at x = `edge`."""
+        """Adds a diving platform: a slab whose top is at a height, and whose front edge is at x = `edge`.
+
+        Examples
+        --------
+        >>> from somersault import viewer
+        >>> viewer.Scene("The platform of 3 m").platform(3.0, edge=-0.2).water()
+        <Scene: 'The platform of 3 m', motions: 0, fixed shapes: 1>
+        """
         positive("length", length)
         positive("width", width)
         x, z = (float(numbers(name, value, ())) for name, value in (("edge", edge), ("height", height)))
         return self.box((x - length / 2, 0.0, z - 0.1), (length, width, 0.2), "#c3c7ce")
 
     def caption(self, t: float, text: str) -> Scene:
-        """Shows a text from a time on, and marks the time on the slider."""
+        """Shows a text from a time on, and marks the time on the slider.
+
+        Examples
+        --------
+        >>> from somersault import viewer
+        >>> viewer.Scene("A dive").caption(0.0, "take-off").caption(0.9, "opens")
+        <Scene: 'A dive', motions: 0, fixed shapes: 0>
+        """
         self._captions.append((float(numbers("t", t, ())), text))
         return self
 
@@ -255,6 +314,12 @@ class Scene:
             Whether the camera goes with the centre of mass; where that moves far unless given.
         zoom : float
             How much larger all is than where the whole motion is just in sight.
+
+        Examples
+        --------
+        >>> from somersault import viewer
+        >>> viewer.Scene("A dive").camera("side", follow=True)
+        <Scene: 'A dive', motions: 0, fixed shapes: 0>
         """
         positive("zoom", zoom)
         _choice("view", view, (*_VIEWS, None))
@@ -262,7 +327,14 @@ class Scene:
         return self
 
     def play(self, speed: float = 1.0, *, arrows: Sequence[Arrow] = ()) -> Scene:
-        """Sets the speed that the page begins with, 1 for that of the motion, and the arrows it shows."""
+        """Sets the speed that the page begins with, 1 for that of the motion, and the arrows it shows.
+
+        Examples
+        --------
+        >>> from somersault import viewer
+        >>> viewer.Scene("A dive").play(0.25)
+        <Scene: 'A dive', motions: 0, fixed shapes: 0>
+        """
         _choice("speed", speed, _SPEEDS)
         for arrow in arrows:
             _choice("arrows", arrow, tuple(_ARROWS))
@@ -312,7 +384,17 @@ class Scene:
         }
 
     def html(self) -> str:
-        """The page: it loads nothing, and needs no server."""
+        """The page: it loads nothing, and needs no server.
+
+        Examples
+        --------
+        >>> from somersault import multibody, viewer
+        >>> cart = multibody.cart_pendulum()
+        >>> motion = multibody.integrate_tree(cart, (0.0, 0.1), (0.0, 0.0), (0.0, 1.0), dt=0.1)
+        >>> page = viewer.Scene("Falling over").add(motion).html()
+        >>> page[:15], "http" in page
+        ('<!doctype html>', False)
+        """
         page = files(__package__) / "page"
 
         def read(name: str) -> str:
@@ -330,7 +412,18 @@ class Scene:
         return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], read("viewer.html"))
 
     def write(self, path: str | PathLike[str]) -> Path:
-        """Writes the page to a file and returns its path."""
+        """Writes the page to a file and returns its path.
+
+        Examples
+        --------
+        >>> import pathlib, tempfile
+        >>> from somersault import multibody, viewer
+        >>> cart = multibody.cart_pendulum()
+        >>> motion = multibody.integrate_tree(cart, (0.0, 0.1), (0.0, 0.0), (0.0, 1.0), dt=0.1)
+        >>> folder = pathlib.Path(tempfile.mkdtemp())
+        >>> viewer.Scene("Falling over").add(motion).write(folder / "pole.html").name
+        'pole.html'
+        """
         target = Path(path)
         target.write_text(self.html(), encoding="utf-8")
         return target

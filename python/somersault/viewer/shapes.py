@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -70,7 +70,14 @@ def rgb(name: str, value: str) -> tuple[float, float, float]:
     return red, green, blue
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+def _brief(value: ArrayLike) -> str:
+    """A number, or numbers in brackets, in so many letters that four of them fit into a line."""
+    shown = np.asarray(value, dtype=np.float64)
+    text = f"{shown:.6g}" if shown.ndim == 0 else " ".join(str(shown.round(6).tolist()).split())
+    return text if len(text) <= 45 else f"array of shape {shown.shape}"
+
+
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Shape(ABC):
     """A solid, in a color `#rrggbb`; that of the motion unless given. Checkers show how it spins."""
 
@@ -80,6 +87,11 @@ class Shape(ABC):
     def __post_init__(self) -> None:
         if self.color is not None:
             rgb("color", self.color)
+
+    def __repr__(self) -> str:
+        given = {field.name: getattr(self, field.name) for field in fields(self) if field.kw_only is False}
+        sizes = ", ".join(f"{name}={_brief(value)}" for name, value in given.items() if value is not None)
+        return f"{type(self).__name__}({sizes})"
 
     @property
     @abstractmethod
@@ -97,7 +109,7 @@ class Shape(ABC):
         """Points of the skin in the axes of the body, enough to say how far it reaches."""
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class RoundShape(Shape):
     """A solid whose skin is drawn over rings."""
 
@@ -114,7 +126,7 @@ class RoundShape(Shape):
         return np.asarray(self.rotation.apply(skin.reshape(-1, 3))) + self.position
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class _Placed(Shape):
     """A solid about a center, with axes that may be turned."""
 
@@ -135,9 +147,16 @@ class _Placed(Shape):
         return turn("orientation", self.orientation)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Ellipsoid(_Placed, RoundShape):
-    """An ellipsoid of three radii."""
+    """An ellipsoid of three radii.
+
+    Examples
+    --------
+    >>> from somersault import viewer
+    >>> viewer.Ellipsoid((0.1, 0.2, 0.3)).points.max(axis=0).round(6)
+    array([0.1, 0.2, 0.3])
+    """
 
     radii: ArrayLike
 
@@ -154,9 +173,20 @@ class Ellipsoid(_Placed, RoundShape):
         return np.column_stack([c * np.sin(angle), none, none, a * across, b * across])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Sphere(_Placed, RoundShape):
-    """A ball."""
+    """A ball.
+
+    Examples
+    --------
+    >>> import somersault
+    >>> from somersault import viewer
+    >>> ball = viewer.Sphere(0.1, color="#cc6677", checkered=True)
+    >>> body = somersault.RigidBody.sphere(1.0, 0.1)
+    >>> q = [[0, 0, 0, 0, 0, 0, 1], [1, 0, 0, 0, 0, 0, 1]]
+    >>> viewer.Scene("A rolling ball").add(body, [0.0, 1.0], q, shapes=ball)
+    <Scene: 'A rolling ball', motions: 1, fixed shapes: 0>
+    """
 
     radius: float
 
@@ -169,9 +199,16 @@ class Sphere(_Placed, RoundShape):
         return Ellipsoid((self.radius,) * 3).rings
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Box(_Placed):
-    """A cuboid of three lengths."""
+    """A cuboid of three lengths.
+
+    Examples
+    --------
+    >>> from somersault import viewer
+    >>> viewer.Box((0.2, 0.4, 0.6), center=(0.0, 0.0, 0.3)).points.max(axis=0).round(6)
+    array([0.1, 0.2, 0.6])
+    """
 
     lengths: ArrayLike
 
@@ -186,9 +223,17 @@ class Box(_Placed):
         return np.asarray(self.rotation.apply(corners)) + self.position
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Mesh(_Placed):
-    """A skin of triangles: the numbers of their vertices, counter-clockwise as seen from outside."""
+    """A skin of triangles: the numbers of their vertices, counter-clockwise as seen from outside.
+
+    Examples
+    --------
+    >>> from somersault import viewer
+    >>> corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    >>> viewer.Mesh(corners, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]).points.shape
+    (4, 3)
+    """
 
     vertices: ArrayLike
     triangles: ArrayLike
@@ -208,7 +253,7 @@ class Mesh(_Placed):
         return np.asarray(self.rotation.apply(np.asarray(self.vertices, dtype=np.float64))) + self.position
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Rod(RoundShape):
     """A round solid between two points; its radius goes from one to the other."""
 
@@ -248,9 +293,17 @@ class _Rod(RoundShape):
         return Rotation.from_rotvec(np.arctan2(sine, cosine) * across)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Capsule(_Rod):
-    """The hull of two balls; tapered where `end_radius` is another than `radius`."""
+    """The hull of two balls; tapered where `end_radius` is another than `radius`.
+
+    Examples
+    --------
+    >>> from somersault import viewer
+    >>> thigh = viewer.Capsule((0.0, 0.0, 0.0), (0.0, 0.0, -0.4), 0.08, end_radius=0.05)
+    >>> thigh.length, thigh.radii
+    (0.4, (0.08, 0.05))
+    """
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -269,9 +322,17 @@ class Capsule(_Rod):
         return np.column_stack([z, 0 * z, 0 * z, across, across])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Cylinder(_Rod):
-    """A cylinder; a cone or part of one where `end_radius` is another than `radius`."""
+    """A cylinder; a cone or part of one where `end_radius` is another than `radius`.
+
+    Examples
+    --------
+    >>> from somersault import viewer
+    >>> rod = viewer.Cylinder((0.0, 0.0, 0.0), (0.3, 0.0, 0.4), 0.02)
+    >>> rod.length, rod.radii
+    (0.5, (0.02, 0.02))
+    """
 
     @property
     def rings(self) -> Array:
@@ -281,9 +342,17 @@ class Cylinder(_Rod):
         return np.column_stack([z, 0 * z, 0 * z, across, across])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Loft(_Placed, RoundShape):
-    """A smooth skin over rings (z, x, y, a, b), z rising, closed at both ends."""
+    """A smooth skin over rings (z, x, y, a, b), z rising, closed at both ends.
+
+    Examples
+    --------
+    >>> from somersault import viewer
+    >>> vase = viewer.Loft([(0.0, 0, 0, 0.1, 0.1), (0.2, 0, 0, 0.2, 0.2), (0.4, 0, 0, 0.1, 0.1)])
+    >>> vase.points.max(axis=0).round(3)
+    array([0.2, 0.2, 0.4])
+    """
 
     stations: ArrayLike
 

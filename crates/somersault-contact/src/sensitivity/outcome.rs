@@ -99,7 +99,7 @@ pub enum SensitivityError {
 
 /// A derivative that cannot be had, with the motion and the columns as far as they go.
 ///
-/// After a graze they are the one-sided derivatives of the whole run, on the [`Side`] on which it is.
+/// After a graze they are the one-sided derivatives of the whole run, on the [`Side`](super::Side) on which it is.
 #[derive(Debug, Clone, thiserror::Error)]
 #[error("{reason}")]
 pub struct Undifferentiated {

@@ -49,7 +49,7 @@ impl TreeTravel<'_> {
     /// one and its extremal has converged; its counts are of all attempts.
     ///
     /// A tree with joints that turn freely, and one of which shooting fails from the spline, starts by
-    /// [`cold_start`].
+    /// [`cold_start`](super::cold_start()).
     pub fn solve(&self, continuation: &Continuation) -> Result<ContinuationResult, ShootingError> {
         self.solve_as(continuation, |tree| tree)
     }

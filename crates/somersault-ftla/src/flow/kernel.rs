@@ -8,7 +8,7 @@ use crate::budget::Budget;
 use crate::gram_schmidt::orthonormalise;
 use crate::system::{Piece, VectorField};
 use nalgebra::{DMatrix, DVector};
-use rows::{ANY, combine, identity, is_finite, multiply_add};
+use rows::{ANY, Aligned, combine, identity, is_finite, multiply_add};
 use somersault_integrators::tableau::{ErrorWeights, Tableau};
 use switching::Watch;
 
@@ -43,9 +43,9 @@ pub(super) struct Kernel<'a, S, const MATRIX: bool> {
     /// Evaluations that the budget knows of.
     reported: usize,
     pub(super) t: f64,
-    pub(super) state: Vec<f64>,
+    pub(super) state: Aligned,
     /// Φ.
-    rows: Vec<f64>,
+    rows: Aligned,
     pub(super) integral: f64,
     pub(super) work: Work,
     /// The piece of the field that steps are made in.
@@ -58,12 +58,12 @@ pub(super) struct Kernel<'a, S, const MATRIX: bool> {
     /// D at the current state, to restart Φ without an evaluation.
     jacobian: DMatrix<f64>,
     /// The slopes of the stages, one after the other, of state, Φ and integral.
-    slopes: Vec<f64>,
-    row_slopes: Vec<f64>,
+    slopes: Aligned,
+    row_slopes: Aligned,
     integrands: [f64; STAGES],
     /// State and Φ of a stage, and then those at the end of a trial.
-    next: Vec<f64>,
-    next_rows: Vec<f64>,
+    next: Aligned,
+    next_rows: Aligned,
     scratch: Scratch,
 }
 
@@ -74,7 +74,7 @@ struct Scratch {
     first_row_slope: Vec<f64>,
     /// Two estimates of the error of the state, then of one of Φ.
     estimates: [Vec<f64>; 2],
-    row_estimates: [Vec<f64>; 2],
+    row_estimates: [Aligned; 2],
     /// Sums over columns.
     sums: [Vec<f64>; 3],
 }
@@ -123,10 +123,12 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
         let square = if MATRIX { n * n } else { 0 };
         let side = if MATRIX { n } else { 0 };
         let zeros = |size: usize| vec![0.0; size];
-        let mut rows = zeros(square);
+        let mut rows = Aligned::zeros(square);
         if MATRIX {
             identity(&mut rows, n);
         }
+        let mut state = Aligned::zeros(n);
+        state.copy_from_slice(p.as_slice());
         let mut kernel = Self {
             system,
             n,
@@ -139,7 +141,7 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
             budget: flow.budget,
             reported: 0,
             t: 0.0,
-            state: p.as_slice().to_vec(),
+            state,
             rows,
             integral: 0.0,
             work: Work::default(),
@@ -148,17 +150,17 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
             watch: Watch::new(system.n_switches(), n),
             h: 0.0,
             jacobian: DMatrix::zeros(side, side),
-            slopes: zeros(STAGES * n),
-            row_slopes: zeros(STAGES * square),
+            slopes: Aligned::zeros(STAGES * n),
+            row_slopes: Aligned::zeros(STAGES * square),
             integrands: [0.0; STAGES],
-            next: zeros(n),
-            next_rows: zeros(square),
+            next: Aligned::zeros(n),
+            next_rows: Aligned::zeros(square),
             scratch: Scratch {
                 stage_jacobian: DMatrix::zeros(side, side),
                 first_slope: zeros(n),
                 first_row_slope: zeros(square),
                 estimates: [zeros(n), zeros(n)],
-                row_estimates: [zeros(square), zeros(square)],
+                row_estimates: [Aligned::zeros(square), Aligned::zeros(square)],
                 sums: [zeros(side), zeros(side), zeros(side)],
             },
         };
@@ -227,7 +229,7 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
         while self.t != end {
             if self.work.steps + self.work.rejected >= self.max_steps {
                 let (t, steps) = (self.t, self.work.steps);
-                return Err(FlowError::TooManySteps { t, state: self.state.clone(), steps });
+                return Err(FlowError::TooManySteps { t, state: self.state.to_vec(), steps });
             }
             self.report()?;
             let left = end - self.t;
@@ -244,28 +246,37 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
                 return Err(if self.work.rejected > 0 && !self.stages_are_finite() {
                     self.non_finite()
                 } else {
-                    FlowError::StepUnderflow { t: self.t, state: self.state.clone() }
+                    FlowError::StepUnderflow { t: self.t, state: self.state.to_vec() }
                 });
             }
-            let size = self.trial::<V, N, SQUARE>(h, &integrand);
             let limit = if rejected { 1.0 } else { 6.0 };
-            // a NaN counts as far too large
-            let factor =
-                if size.is_finite() { (0.9 / size.sqrt().sqrt().sqrt()).clamp(0.2, limit) } else { 0.2 };
-            if size.is_nan() || size > 1.0 {
+            // of the trial that decides, and the piece that its step leads to, where it leads to another one
+            let (mut accepted, mut entered) = (None, None);
+            let factor = loop {
+                // compiled once: a second trial goes to the end of the piece
+                let size = self.trial::<V, N, SQUARE>(h, &integrand);
+                if let Some(factor) = accepted {
+                    entered = Some(self.system.next_piece(&self.piece, &self.next));
+                    break factor;
+                }
+                // a NaN counts as far too large
+                let factor =
+                    if size.is_finite() { (0.9 / size.sqrt().sqrt().sqrt()).clamp(0.2, limit) } else { 0.2 };
+                if size.is_nan() || size > 1.0 {
+                    break factor;
+                }
+                accepted = Some(factor);
+                if self.system.n_switches() == 0 {
+                    break factor;
+                }
+                let Some(size) = self.end_of_piece(h)? else { break factor };
+                (last, h) = (last && size == h, size);
+            };
+            if accepted.is_none() {
                 self.work.rejected += 1;
                 self.h = h * factor.min(0.9);
                 rejected = true;
                 continue;
-            }
-            // the piece that a step leads to, where it leads to another one
-            let mut entered = None;
-            if self.system.n_switches() > 0
-                && let Some(size) = self.end_of_piece(h)?
-            {
-                (last, h) = (last && size == h, size);
-                self.trial::<V, N, SQUARE>(h, &integrand);
-                entered = Some(self.system.next_piece(&self.piece, &self.next));
             }
             let gain = self.combine_scalar(self.tableau.weights());
             self.scratch.first_slope.copy_from_slice(&self.slopes[..n]);
@@ -330,7 +341,7 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
         budget.spend(self.work.evaluations - self.reported);
         self.reported = self.work.evaluations;
         match budget.reached() {
-            Some(limit) => Err(FlowError::LimitReached { limit, t: self.t, state: self.state.clone() }),
+            Some(limit) => Err(FlowError::LimitReached { limit, t: self.t, state: self.state.to_vec() }),
             None => Ok(()),
         }
     }
@@ -503,7 +514,7 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
     fn non_finite(&self) -> FlowError {
         let quantity = if self.fields_are_finite() { "Jacobian" } else { "field" };
         let source = self.system.fault(&self.state);
-        FlowError::NonFinite { quantity, t: self.t, state: self.state.clone(), source }
+        FlowError::NonFinite { quantity, t: self.t, state: self.state.to_vec(), source }
     }
 }
 

@@ -137,6 +137,7 @@ impl<'a, H: Hybrid> InProgress<'a, H> {
     }
 
     /// Whether the step of h just made to `t_after` is known to be clear from what was proved ahead of it.
+    #[inline(always)]
     fn is_clear_ahead(&mut self, h: f64, t_after: f64) -> bool {
         if has_changed(&self.before.guards, &self.after.guards) {
             return false;
@@ -170,10 +171,17 @@ impl<'a, H: Hybrid> InProgress<'a, H> {
     }
 
     /// Finds the earliest event in the step of h just made to `t_after`, and makes the step to it instead.
+    // inlined, as most steps are clear
+    #[inline(always)]
     pub(super) fn locate(&mut self, h: f64, t_after: f64) -> Result<Span, Interruption<H::Fault>> {
         if self.is_clear_ahead(h, t_after) {
             return Ok(Span { h, t_after, is_event: false });
         }
+        self.earliest(h, t_after)
+    }
+
+    #[inline(never)]
+    fn earliest(&mut self, h: f64, t_after: f64) -> Result<Span, Interruption<H::Fault>> {
         let t = self.so_far.t;
         let (mut search, after) = self.search(t_after);
         let found = search.earliest(h, after)?;
@@ -189,6 +197,7 @@ impl<'a, H: Hybrid> InProgress<'a, H> {
 
     /// Commits the step: shows it, counts it, and at an event reads the mode, lets the state jump and
     /// restarts the memory.
+    #[inline(always)]
     pub(super) fn commit(&mut self, span: Span) -> Result<Flow, Interruption<H::Fault>> {
         let (guards, guards_after) = (&self.before.guards, &self.after.guards);
         for (i, impulse) in self.impulses.iter_mut().enumerate() {
@@ -197,19 +206,24 @@ impl<'a, H: Hybrid> InProgress<'a, H> {
             }
         }
         self.so_far.steps += 1;
-        let flow = self.show(span);
+        let flow = if self.is_observed { self.show(span) } else { Flow::Continue };
         self.so_far.t = span.t_after;
         if span.is_event {
-            let (frozen, t) = (self.worker.frozen, span.t_after);
-            let mode = frozen.refreeze(t, &self.after.state);
-            self.log(&mode);
-            std::mem::swap(&mut self.before, &mut self.after);
-            self.chatter.record::<H::Fault>(t)?;
-            self.enter(&mode)?;
+            self.happen(span.t_after)?;
         } else {
             std::mem::swap(&mut self.before, &mut self.after);
         }
         Ok(flow)
+    }
+
+    /// Passes from the mode that ends at an event to the next.
+    #[inline(never)]
+    fn happen(&mut self, t: f64) -> Result<(), Interruption<H::Fault>> {
+        let mode = self.worker.frozen.refreeze(t, &self.after.state);
+        self.log(&mode);
+        std::mem::swap(&mut self.before, &mut self.after);
+        self.chatter.record::<H::Fault>(t)?;
+        self.enter(&mode)
     }
 
     /// Restarts from an event, in a new mode.
@@ -226,10 +240,8 @@ impl<'a, H: Hybrid> InProgress<'a, H> {
     }
 
     /// Shows the step, with its curve, to the observer.
+    #[inline(never)]
     fn show(&mut self, span: Span) -> Flow {
-        if !self.is_observed {
-            return Flow::Continue;
-        }
         let Self { worker, before, after, so_far, .. } = self;
         let mut interpolant = || worker.engine.segment(so_far.t, span.h, before.slot, after.slot);
         let times = (so_far.t, span.t_after);

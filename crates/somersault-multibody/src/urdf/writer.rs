@@ -5,6 +5,7 @@ use crate::joint::Joint;
 use crate::link::Link;
 use crate::mimic::Mimic;
 use crate::model::Model;
+use crate::robot::document::shorten;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use std::fmt::Write;
 
@@ -41,7 +42,7 @@ pub fn write(model: &Model, name: &str) -> Result<String, UrdfError> {
 }
 
 fn unwritable(name: &str, reason: &'static str) -> UrdfError {
-    UrdfError::NotRepresentable { element: format!("link `{}`", super::xml::shorten(name)), reason }
+    UrdfError::NotRepresentable { element: format!("link `{}`", shorten(name)), reason }
 }
 
 /// Writing to a string does not fail.

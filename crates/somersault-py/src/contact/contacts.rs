@@ -7,6 +7,7 @@ use crate::contact::surface::{CallableSurface, HalfSpace, Surface};
 use crate::core::callable::Failure;
 use crate::core::convert::{a_type, sequence, vector, vector_array, vector_or};
 use crate::core::error::Error;
+use crate::core::value::brief;
 use crate::integrators::bodies::State;
 use crate::integrators::forces::Reader;
 use pyo3::prelude::*;
@@ -37,6 +38,15 @@ use std::sync::Arc;
 ///     Law of friction; none unless given.
 /// resistance : Resistance, optional
 ///     Resistance to rolling and spinning; none unless given.
+///
+/// Examples
+/// --------
+/// >>> import somersault
+/// >>> from somersault import contact
+/// >>> friction = contact.CoulombFriction(0.5, 1e4, 20.0)
+/// >>> foot = contact.Contact((0, 0, -0.5), contact.HalfSpace(), contact.CompliantLaw(1e4, 20.0), friction=friction)
+/// >>> foot.gap(somersault.State((0, 0, 0.75)))
+/// (0.25, 0.0)
 #[pyclass(frozen, module = "somersault.contact")]
 pub(crate) struct Contact {
     /// Where the surface is a callable this has another, which each run replaces.
@@ -114,6 +124,14 @@ impl Contact {
     ///     Radius, m.
     /// surface, law, friction, resistance
     ///     As of a point.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import somersault
+    /// >>> from somersault import contact
+    /// >>> ball = contact.Contact.ball((0, 0, 0), 0.25, contact.HalfSpace(), contact.CompliantLaw(1e4))
+    /// >>> ball.gap(somersault.State((0, 0, 1.0), velocity=(0, 0, -2.0)))
+    /// (0.75, -2.0)
     #[staticmethod]
     #[pyo3(signature = (center, radius, surface, law, *, friction=None, resistance=None))]
     fn ball(
@@ -142,6 +160,17 @@ impl Contact {
     ///     The plane.
     /// law, friction, resistance
     ///     As of a point.
+    ///
+    /// Examples
+    /// --------
+    /// A disk that stands on its edge:
+    ///
+    /// >>> import somersault
+    /// >>> from somersault import contact
+    /// >>> rim = contact.Contact.rim((0, 0, 0), (0, 0, 1), 0.25, contact.HalfSpace(), contact.CompliantLaw(1e4))
+    /// >>> upright = somersault.State((0, 0, 1.0), orientation=(0.5, 0.5, 0.5, 0.5))
+    /// >>> round(rim.gap(upright)[0], 6)
+    /// 0.75
     #[staticmethod]
     #[pyo3(signature = (center, axis, radius, plane, law, *, friction=None, resistance=None))]
     fn rim(
@@ -218,6 +247,14 @@ impl Contact {
     /// -------
     /// gap, rate : float
     ///     Gap, m, negative inside the surface, and its rate, m/s.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import somersault
+    /// >>> from somersault import contact
+    /// >>> tip = contact.Contact((0, 0, -1.0), contact.HalfSpace(), contact.CompliantLaw(1e4))
+    /// >>> tip.gap(somersault.State((0, 0, 1.5), velocity=(3.0, 0, -2.0)))
+    /// (0.5, -2.0)
     fn gap(&self, py: Python<'_>, state: State) -> Result<(f64, f64), Error> {
         let failure = Failure::default();
         // Neither depends on mass and inertia.
@@ -230,7 +267,8 @@ impl Contact {
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
-        let (surface, law) = (self.surface.bind(py).repr()?, normal_law_repr(py, self.contact.law())?);
+        let surface = brief(&self.surface.bind(py).repr()?.to_cow()?, 60);
+        let law = brief(&normal_law_repr(py, self.contact.law())?, 60);
         Ok(format!("Contact({:?}, {surface}, {law})", self.contact.shape().centre().as_slice()))
     }
 
@@ -277,6 +315,19 @@ impl Contact {
 ///     Law of friction; none unless given.
 /// resistance : Resistance, optional
 ///     Resistance to rolling and spinning; none unless given.
+///
+/// Examples
+/// --------
+/// A ball hits an equal one at rest, and they exchange their velocities:
+///
+/// >>> import somersault
+/// >>> from somersault import contact
+/// >>> ball = somersault.RigidBody.sphere(1.0, 0.1)
+/// >>> states = [somersault.State(velocity=(1.0, 0, 0)), somersault.State((0.5, 0, 0))]
+/// >>> pair = contact.SpherePair((0, 1), (0.1, 0.1), contact.CompliantLaw(1e5))
+/// >>> motion = somersault.integrate([ball, ball], states, (0.0, 0.5), dt=1e-3, pairs=pair)
+/// >>> [round(float(speed), 2) for speed in motion.velocity[-1, :, 0]]
+/// [0.0, 1.0]
 #[pyclass(frozen, from_py_object, module = "somersault.contact")]
 #[derive(Clone)]
 pub(crate) struct SpherePair {
@@ -307,8 +358,9 @@ impl SpherePair {
         Ok(Self { pair, bodies, radii, centers, law })
     }
 
-    fn __repr__(&self) -> String {
-        format!("<{:?}>", self.pair)
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let ([i, k], [r, s]) = (self.bodies, self.radii);
+        Ok(format!("SpherePair(({i}, {k}), ({r:?}, {s:?}), {})", brief(&normal_law_repr(py, &self.law)?, 60)))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {

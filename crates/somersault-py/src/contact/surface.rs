@@ -3,7 +3,7 @@
 use crate::core::callable::{Failure, call, callable_name, check_callable};
 use crate::core::convert::{a_type, any_vector, vector, vector_array, vector_or};
 use crate::core::error::Error;
-use crate::core::value::{Pickled, by_restore, value};
+use crate::core::value::{Pickled, brief, by_restore, value};
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 use somersault::contact::surface::{self, SignedDistance, Solid};
@@ -30,6 +30,12 @@ impl Surface {
     ///     Distance, m.
     /// gradient : ndarray, shape (3,)
     ///     Outward normal, along which the surface pushes.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import contact
+    /// >>> contact.HalfSpace().signed_distance((0.0, 0.0, 2.0))
+    /// (2.0, array([0., 0., 1.]))
     fn signed_distance<'py>(
         &self,
         py: Python<'py>,
@@ -40,7 +46,7 @@ impl Surface {
     }
 
     fn __repr__(&self) -> String {
-        format!("<{:?}>", self.0)
+        format!("<Surface: {}>", brief(&format!("{:?}", self.0), 150))
     }
 }
 
@@ -88,6 +94,15 @@ fn solid_of(name: &str) -> Result<Solid, Error> {
 ///     A point of the plane, m; the origin unless given.
 /// normal : array_like, shape (3,), optional
 ///     Outward normal, of any length but zero; along z unless given.
+///
+/// Examples
+/// --------
+/// A slope of 45°:
+///
+/// >>> from somersault import contact
+/// >>> slope = contact.HalfSpace(normal=(1.0, 0.0, 1.0))
+/// >>> round(slope.signed_distance((0.0, 0.0, 1.0))[0], 4)
+/// 0.7071
 #[pyclass(frozen, extends = Surface, module = "somersault.contact")]
 pub(crate) struct HalfSpace {
     pub(crate) surface: surface::HalfSpace,
@@ -117,6 +132,10 @@ impl HalfSpace {
         let surface = surface::HalfSpace::try_new(point, normal)?;
         Ok(build(surface, Self { surface, point, normal }))
     }
+
+    fn __repr__(&self) -> String {
+        format!("HalfSpace({:?}, {:?})", self.point.as_slice(), self.normal.as_slice())
+    }
 }
 
 /// A sphere.
@@ -129,6 +148,15 @@ impl HalfSpace {
 ///     Radius, m.
 /// solid : {'inside', 'outside'}, optional
 ///     Which side is solid; bodies move within a sphere whose outside is.
+///
+/// Examples
+/// --------
+/// A bowl, and a point half a metre above its lowest one:
+///
+/// >>> from somersault import contact
+/// >>> bowl = contact.SphericalSurface((0.0, 0.0, 2.0), 2.0, solid="outside")
+/// >>> bowl.signed_distance((0.0, 0.0, 0.5))[0]
+/// 0.5
 #[pyclass(frozen, extends = Surface, module = "somersault.contact")]
 pub(crate) struct SphericalSurface {
     center: Vector3<f64>,
@@ -156,6 +184,11 @@ impl SphericalSurface {
         let sphere = surface::SphericalSurface::try_new(center, radius, solid)?;
         Ok(build(sphere, Self { center, radius, solid }))
     }
+
+    fn __repr__(&self) -> String {
+        let (center, solid) = (self.center.as_slice(), self.solid());
+        format!("SphericalSurface({center:?}, {:?}, solid='{solid}')", self.radius)
+    }
 }
 
 /// An infinite circular cylinder.
@@ -170,6 +203,13 @@ impl SphericalSurface {
 ///     Radius, m.
 /// solid : {'inside', 'outside'}, optional
 ///     Which side is solid; bodies move within a cylinder whose outside is.
+///
+/// Examples
+/// --------
+/// >>> from somersault import contact
+/// >>> pole = contact.CylindricalSurface((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 0.5)
+/// >>> pole.signed_distance((3.0, 0.0, 2.0))
+/// (1.5, array([0., 0., 1.]))
 #[pyclass(frozen, extends = Surface, module = "somersault.contact")]
 pub(crate) struct CylindricalSurface {
     center: Vector3<f64>,
@@ -205,6 +245,11 @@ impl CylindricalSurface {
         let cylinder = surface::CylindricalSurface::try_new(center, axis, radius, solid)?;
         Ok(build(cylinder, Self { center, axis, radius, solid }))
     }
+
+    fn __repr__(&self) -> String {
+        let (center, axis, solid) = (self.center.as_slice(), self.axis.as_slice(), self.solid());
+        format!("CylindricalSurface({center:?}, {axis:?}, {:?}, solid='{solid}')", self.radius)
+    }
 }
 
 /// A surface by a function, with what is known of how fast its distance changes.
@@ -226,6 +271,19 @@ impl CylindricalSurface {
 ///     κ ≥ 0, 1/m: the second derivative of the distance in every direction is at least −κ. 0 for a convex
 ///     obstacle; infinite unless given, which means that nothing is known. Then a hit shallower than `graze` of
 ///     `somersault.integrate` may be missed.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np
+/// >>> import somersault
+/// >>> from somersault import contact
+/// >>> def ball(point):
+/// ...     away = np.linalg.norm(point)
+/// ...     return away - 1.0, point / away
+/// >>> surface = contact.SurfaceFunction(ball, concavity=0.0)
+/// >>> touch = contact.Contact((0, 0, 0), surface, contact.CompliantLaw(1e4))
+/// >>> touch.gap(somersault.State((0, 0, 1.5)))
+/// (0.5, 0.0)
 #[pyclass(frozen, module = "somersault.contact")]
 pub(crate) struct SurfaceFunction {
     pub(crate) function: Py<PyAny>,
@@ -264,7 +322,7 @@ impl SurfaceFunction {
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
-        let function = self.function.bind(py).repr()?;
+        let function = brief(&self.function.bind(py).repr()?.to_cow()?, 100);
         Ok(format!("SurfaceFunction({function}, lipschitz={}, concavity={})", self.lipschitz, self.concavity))
     }
 

@@ -86,6 +86,17 @@ impl ContactSystem {
 /// Returns
 /// -------
 /// ContactSystem
+///
+/// Examples
+/// --------
+/// >>> import somersault
+/// >>> from somersault import contact
+/// >>> law = contact.CompliantLaw.from_restitution(1.0, 1e5, 0.8)
+/// >>> ball = contact.bouncing_ball(1.0, 0.1, law, height=1.0)
+/// >>> motion = somersault.integrate(
+/// ...     ball.body, ball.state, (0.0, 0.6), dt=0.01, forces=ball.forces, contacts=ball.contacts)
+/// >>> [(event.kind, round(event.t, 3)) for event in motion.events]
+/// [('touch_down', 0.452), ('release', 0.461)]
 #[pyfunction]
 #[pyo3(signature = (mass, radius, law, height, velocity=0.0))]
 pub(crate) fn bouncing_ball(
@@ -105,6 +116,16 @@ pub(crate) fn bouncing_ball(
 /// Returns
 /// -------
 /// ContactSystem
+///
+/// Examples
+/// --------
+/// >>> import somersault
+/// >>> from somersault import contact
+/// >>> top = contact.spinning_top()
+/// >>> motion = somersault.integrate(
+/// ...     top.body, top.state, (0.0, 0.1), dt=1e-3, forces=top.forces, contacts=top.contacts)
+/// >>> motion.success
+/// True
 #[pyfunction]
 pub(crate) fn spinning_top(py: Python<'_>) -> Result<ContactSystem, Error> {
     let top = SpinningTop::thesis()?;
@@ -131,6 +152,18 @@ pub(crate) fn spinning_top(py: Python<'_>) -> Result<ContactSystem, Error> {
 /// Returns
 /// -------
 /// ContactSystem
+///
+/// Examples
+/// --------
+/// A corner touches after √(2 h/g):
+///
+/// >>> import somersault
+/// >>> from somersault import contact
+/// >>> box = contact.falling_box(1.0, (0.1, 0.2, 0.3), contact.CompliantLaw(1e5, 100.0), height=0.5)
+/// >>> motion = somersault.integrate(
+/// ...     box.body, box.state, (0.0, 0.4), dt=0.01, forces=box.forces, contacts=box.contacts)
+/// >>> round(motion.events[0].t, 4), round((2 * 0.5 / 9.81) ** 0.5, 4)
+/// (0.3193, 0.3193)
 #[pyfunction]
 #[pyo3(signature = (mass, lengths, law, height, heading=0.0, *, friction=None))]
 pub(crate) fn falling_box(
@@ -167,6 +200,17 @@ pub(crate) fn falling_box(
 /// Returns
 /// -------
 /// ContactSystem
+///
+/// Examples
+/// --------
+/// >>> import somersault
+/// >>> from somersault import contact
+/// >>> friction = contact.CoulombFriction(0.3, 1e5, 100.0)
+/// >>> block = contact.sliding_block(1.0, (0.2, 0.2, 0.1), contact.CompliantLaw(1e5, 100.0), friction, 0.5)
+/// >>> motion = somersault.integrate(
+/// ...     block.body, block.state, (0.0, 0.3), dt=1e-3, forces=block.forces, contacts=block.contacts)
+/// >>> abs(float(motion.velocity[-1, 0])) < 1e-3
+/// True
 #[pyfunction]
 #[pyo3(signature = (mass, lengths, law, friction, velocity, slope=0.0))]
 pub(crate) fn sliding_block(
@@ -201,6 +245,18 @@ pub(crate) fn sliding_block(
 /// Returns
 /// -------
 /// ContactSystem
+///
+/// Examples
+/// --------
+/// >>> import somersault
+/// >>> from somersault import contact
+/// >>> friction = contact.CoulombFriction(0.5, 1e5, 200.0)
+/// >>> disk = contact.rolling_disk(1.0, 0.2, contact.CompliantLaw(1e5, 200.0), friction, tilt=1.2, turning=2.0)
+/// >>> motion = somersault.integrate(
+/// ...     disk.body, disk.state, (0.0, 0.2), dt=1e-3, forces=disk.forces, contacts=disk.contacts)
+/// >>> rise = float(motion.position[-1, 2] - motion.position[0, 2])
+/// >>> abs(rise) < 1e-4
+/// True
 #[pyfunction]
 pub(crate) fn rolling_disk(
     py: Python<'_>,
@@ -239,6 +295,18 @@ pub(crate) fn rolling_disk(
 /// Returns
 /// -------
 /// ContactSystem
+///
+/// Examples
+/// --------
+/// >>> import somersault
+/// >>> from somersault import contact
+/// >>> top = contact.tippe_top(
+/// ...     0.015, 0.015, 0.2, (1.3e-6, 1.3e-6), contact.CompliantLaw(1e3, 0.2), tilt=0.1, spin=150.0,
+/// ...     friction=contact.RegularisedFriction(0.3, 0.01))
+/// >>> motion = somersault.integrate(
+/// ...     top.body, top.state, (0.0, 0.05), dt=1e-4, forces=top.forces, contacts=top.contacts)
+/// >>> motion.success
+/// True
 #[pyfunction]
 #[pyo3(signature = (mass, radius, eccentricity, moments, law, tilt, spin, sag=0.0, *, friction=None))]
 pub(crate) fn tippe_top(

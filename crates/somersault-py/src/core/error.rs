@@ -28,6 +28,7 @@ use somersault::motion::synthetic::SyntheticError;
 use somersault::motion::writers::WriteError;
 use somersault::multibody::flight::FlightError;
 use somersault::multibody::joint_motion::JointMotionError;
+use somersault::multibody::mjcf::MjcfError;
 use somersault::multibody::models::PostureError;
 use somersault::multibody::urdf::UrdfError;
 use somersault::multibody::{DynamicsError, ModelError};
@@ -304,6 +305,12 @@ impl From<UrdfError> for Error {
             UrdfError::NotRepresentable { .. } => Self::own(Class::Write, &error),
             error => Self::own(Class::Read, &error),
         }
+    }
+}
+
+impl From<MjcfError> for Error {
+    fn from(error: MjcfError) -> Self {
+        Self::own(Class::Read, &error)
     }
 }
 

@@ -2,6 +2,7 @@
 
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
+use std::fmt::Display;
 
 /// What `__reduce__` returns: what makes the object again, and its arguments.
 pub(crate) type Pickled<'py> = PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)>;
@@ -27,6 +28,24 @@ where
 {
     let restore = object.get_type().getattr("_restore")?;
     Ok((restore, arguments.into_pyobject(object.py()).map_err(Into::into)?))
+}
+
+/// A text of somebody else's in a `repr`: in one line, and cut after so many characters.
+pub(crate) fn brief(text: &str, most: usize) -> String {
+    let line = text.split_whitespace().collect::<Vec<_>>().join(" ");
+    if line.chars().count() <= most { line } else { line.chars().take(most - 1).chain(['…']).collect() }
+}
+
+/// A list in a `repr`: all of it if it is short, and otherwise its ends.
+pub(crate) fn few<T: Display>(items: &[T]) -> String {
+    const ENDS: usize = 3;
+    let shown = |items: &[T]| items.iter().map(ToString::to_string).collect::<Vec<_>>().join(", ");
+    match items {
+        [first @ .., _, _, _] if first.len() > ENDS => {
+            format!("{}, …, {}", shown(&items[..ENDS]), shown(&items[items.len() - ENDS..]))
+        }
+        all => shown(all),
+    }
 }
 
 /// The getters of a class, a row for each: its documentation, its name, its type, and what of the object it is. Names in

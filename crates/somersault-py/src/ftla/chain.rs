@@ -133,6 +133,14 @@ impl Chain {
     /// ------
     /// InputError
     ///     If there is no such time.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ftla
+    /// >>> flow = ftla.VariationalFlow(ftla.linear_regulator())
+    /// >>> chain = flow.chain([1.0, 0.4], [5.0, 50.0])
+    /// >>> chain.spectrum().exponents.round(4)
+    /// array([-1.4142,  1.4142])
     #[pyo3(signature = (mark=-1))]
     fn spectrum(&self, #[pyo3(from_py_with = integer)] mark: i64) -> Result<Spectrum, Error> {
         let known = self.marks.len();

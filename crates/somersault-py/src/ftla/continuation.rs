@@ -440,6 +440,18 @@ fn follow(
 /// Returns
 /// -------
 /// ContinuationResult
+///
+/// Examples
+/// --------
+/// From a horizon of 2 s to one of 8 s:
+///
+/// >>> import numpy as np
+/// >>> from somersault import ftla
+/// >>> system, t = ftla.linear_regulator(), np.linspace(0.0, 2.0, 5)
+/// >>> start = ftla.shoot(system, [1.0], [1.5], t, np.zeros((5, 2)))
+/// >>> found = ftla.follow(lambda s: (system, [1.0], [1.5], 2.0 + 6.0 * s), start)
+/// >>> found.success, float(found.extremal.times[-1])
+/// (True, 8.0)
 #[pyfunction(name = "follow")]
 #[pyo3(signature = (
     family, start, *, tol=1e-11, max_iterations=100, rtol=1e-13, atol=1e-15, first_step=0.1, min_step=1e-4,

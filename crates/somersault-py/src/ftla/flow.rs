@@ -139,6 +139,14 @@ impl VariationalFlow {
     /// Returns
     /// -------
     /// ndarray, shape (dimension,) or (m, dimension)
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import ftla
+    /// >>> flow = ftla.VariationalFlow(ftla.linear_regulator())
+    /// >>> flow.state([1.0, np.sqrt(2) - 1], [1.0, 2.0])[:, 0].round(6)
+    /// array([0.243117, 0.059106])
     fn state<'py>(
         &self,
         py: Python<'py>,
@@ -169,6 +177,17 @@ impl VariationalFlow {
     /// -------
     /// end : ndarray, shape (dimension,)
     /// cost : float
+    ///
+    /// Examples
+    /// --------
+    /// The cost from x = 1 along the stable manifold is λ/2:
+    ///
+    /// >>> import numpy as np
+    /// >>> from somersault import ftla
+    /// >>> flow = ftla.VariationalFlow(ftla.linear_regulator())
+    /// >>> end, cost = flow.cost([1.0, np.sqrt(2) - 1], 8.0)
+    /// >>> round(cost, 6), round((2**0.5 - 1) / 2, 6)
+    /// (0.207107, 0.207107)
     fn cost<'py>(
         &self,
         py: Python<'py>,
@@ -191,6 +210,14 @@ impl VariationalFlow {
     /// Returns
     /// -------
     /// Transition
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ftla
+    /// >>> flow = ftla.VariationalFlow(ftla.linear_regulator())
+    /// >>> flow.transition([1.0, 0.4], 1.0).matrix.round(4)
+    /// array([[ 0.8099, -1.3683],
+    ///        [-1.3683,  3.5465]])
     fn transition(&self, py: Python<'_>, p: &Bound<'_, PyAny>, duration: f64) -> Result<Transition, Error> {
         let p = self.point("p", p)?;
         let mut found = self.attend(py, |flow| transitions(&flow, p.as_slice(), duration))?;
@@ -211,6 +238,14 @@ impl VariationalFlow {
     /// -------
     /// ends : ndarray, shape (m, dimension)
     /// matrices : ndarray, shape (m, dimension, dimension)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ftla
+    /// >>> flow = ftla.VariationalFlow(ftla.cubic_regulator())
+    /// >>> ends, matrices = flow.transitions([[1.0, 0.4], [0.5, 0.1], [0.0, 0.0]], 1.0)
+    /// >>> ends.shape, matrices.shape
+    /// ((3, 2), (3, 2, 2))
     fn transitions<'py>(
         &self,
         py: Python<'py>,
@@ -241,6 +276,18 @@ impl VariationalFlow {
     /// -------
     /// list of tuple
     ///     (time since the start, s; a list that says of each control ``'lower'``, ``'free'`` or ``'upper'`` from there on).
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import ftla
+    /// >>> system = ftla.state_costate(
+    /// ...     lambda x, u: u, lambda x, u: 0.5 * (x @ x + u @ u), 1, 1, jacobian=lambda x, u: [[0.0, 1.0]],
+    /// ...     gradient=lambda x, u: [x[0], u[0]], hessian=lambda x, u, costate: np.eye(2),
+    /// ...     control_bounds=[[-0.5], [0.5]])
+    /// >>> flow = ftla.VariationalFlow(system)
+    /// >>> [(round(t, 4), where) for t, where in flow.switches([1.0, 1.0], 2.0)]
+    /// [(0.5858, ['free'])]
     fn switches(
         &self,
         py: Python<'_>,
@@ -265,6 +312,13 @@ impl VariationalFlow {
     /// Returns
     /// -------
     /// Chain
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ftla
+    /// >>> flow = ftla.VariationalFlow(ftla.linear_regulator())
+    /// >>> flow.chain([1.0, 0.4], [5.0, 20.0])
+    /// <Chain: 7 factors, to 20 s>
     #[pyo3(signature = (p, times, growth=100.0))]
     fn chain(
         &self,
@@ -293,6 +347,13 @@ impl VariationalFlow {
     /// Returns
     /// -------
     /// list of Spectrum
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ftla
+    /// >>> flow = ftla.VariationalFlow(ftla.linear_regulator())
+    /// >>> [spectrum.exponents.round(3).tolist() for spectrum in flow.spectra([1.0, 0.4], [1.0, 4.0])]
+    /// [[-1.414, 1.414], [-1.414, 1.414]]
     #[pyo3(signature = (p, times, direction="forward"))]
     fn spectra(
         &self,
@@ -319,6 +380,13 @@ impl VariationalFlow {
     /// Returns
     /// -------
     /// Spectrum
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ftla
+    /// >>> flow = ftla.VariationalFlow(ftla.linear_regulator())
+    /// >>> flow.spectrum([1.0, 0.4], 8.0).exponents.round(5)
+    /// array([-1.41421,  1.41421])
     #[pyo3(signature = (p, time, direction="forward"))]
     fn spectrum(
         &self,

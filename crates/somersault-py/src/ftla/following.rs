@@ -77,6 +77,18 @@ impl Placement {
     /// Returns
     /// -------
     /// list of Following
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import ftla
+    /// >>> system = ftla.linear_regulator()
+    /// >>> flow, t = ftla.VariationalFlow(system), np.linspace(0.0, 10.0, 21)
+    /// >>> optimum = ftla.shoot(system, [1.0], [1.0], t, np.zeros((21, 2)))
+    /// >>> placement = ftla.Placement((1, 0, 1), [], [1.0, 2.0, 4.0])
+    /// >>> found = placement.following(flow, optimum, [0.0, 1.0], [1e-4], 0.1)[0]
+    /// >>> found.with_placement > found.without_placement
+    /// True
     fn following(
         &self,
         py: Python<'_>,

@@ -8,7 +8,7 @@ use super::settings::limits_of;
 use super::watched::Watched;
 use crate::core::convert::{finite_all, positive, real_numbers, with_shape};
 use crate::core::error::Error;
-use crate::core::value::{Pickled, by_restore, value};
+use crate::core::value::{Pickled, by_restore, few, value};
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 use somersault::ftla::flow;
@@ -35,6 +35,15 @@ use somersault::ftla::spectrum::TimeDirection;
 ///     s; the middle unless given.
 /// corrections : array_like, shape (m,), optional
 ///     Times of midcourse corrections, s, ascending.
+///
+/// Examples
+/// --------
+/// >>> from somersault import ftla
+/// >>> flow = ftla.VariationalFlow(ftla.linear_regulator())
+/// >>> placement = ftla.Placement((1, 0, 1), [], [2.0, 4.0, 8.0])
+/// >>> matching = ftla.Matching(flow, [1.0], [1.0], 12.0, placement, initial_costate=[0.4], final_costate=[-2.4])
+/// >>> matching.least_squares().success
+/// True
 #[pyclass(frozen, module = "somersault.ftla")]
 pub(crate) struct Matching {
     flow: Py<VariationalFlow>,
@@ -207,6 +216,17 @@ impl Matching {
     /// Returns
     /// -------
     /// MatchingResult
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import ftla
+    /// >>> flow = ftla.VariationalFlow(ftla.linear_regulator())
+    /// >>> placement = ftla.Placement((1, 0, 1), [], [2.0, 4.0, 8.0])
+    /// >>> matching = ftla.Matching(flow, [1.0], [1.0], 12.0, placement, initial_costate=[0.4], final_costate=[-2.4])
+    /// >>> found = matching.grid_search(np.zeros((2, 0)))
+    /// >>> found.success, found.mismatch < 2e-3
+    /// (True, True)
     #[pyo3(signature = (
         spacing, *, tol=2e-3, finest=1e-4, max_rounds=100, max_time=None, max_evaluations=None
     ))]
@@ -251,6 +271,16 @@ impl Matching {
     /// Returns
     /// -------
     /// MatchingResult
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ftla
+    /// >>> flow = ftla.VariationalFlow(ftla.linear_regulator())
+    /// >>> placement = ftla.Placement((1, 0, 1), [], [2.0, 4.0, 8.0])
+    /// >>> matching = ftla.Matching(flow, [1.0], [1.0], 12.0, placement, initial_costate=[0.4], final_costate=[-2.4])
+    /// >>> found = matching.least_squares()
+    /// >>> found.success, found.mismatch < 2e-3
+    /// (True, True)
     #[pyo3(signature = (conserved=vec![], *, tol=2e-3, max_rounds=30, max_time=None, max_evaluations=None))]
     fn least_squares(
         self_: &Bound<'_, Self>,
@@ -267,7 +297,7 @@ impl Matching {
 
     fn __repr__(&self) -> String {
         let Self { horizon, match_time, corrections, .. } = self;
-        format!("<Matching: {horizon} s, at {match_time} s, corrections at {corrections:?} s>")
+        format!("<Matching: {horizon} s, at {match_time} s, corrections at [{}] s>", few(corrections))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
@@ -357,6 +387,17 @@ impl MatchingResult {
     /// Returns
     /// -------
     /// ndarray, shape (m, dimension)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ftla
+    /// >>> flow = ftla.VariationalFlow(ftla.linear_regulator())
+    /// >>> placement = ftla.Placement((1, 0, 1), [], [2.0, 4.0, 8.0])
+    /// >>> matching = ftla.Matching(flow, [1.0], [1.0], 12.0, placement, initial_costate=[0.4], final_costate=[-2.4])
+    /// >>> times = ftla.graded_times(12.0, 0.2, 2.0)
+    /// >>> guess = matching.least_squares().nodes(times)
+    /// >>> ftla.shoot(flow.system, [1.0], [1.0], times, guess).status
+    /// 'converged'
     fn nodes<'py>(&self, py: Python<'py>, times: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         let times = real_numbers("times", times)?;
         let Some(matching) = self.matching.as_ref().filter(|_| self.status != "no_start") else {

@@ -5,6 +5,7 @@ use super::dimension::MOST;
 use super::system::{GivenTree, Origin, System};
 use crate::core::convert::numbers_or_one;
 use crate::core::error::Error;
+use crate::core::value::few;
 use crate::multibody::model::Model;
 use pyo3::prelude::*;
 use somersault::ftla::system::{ArmMinimumTorque, TreeMinimumTorque};
@@ -64,7 +65,7 @@ pub(super) fn of_arm(arm: ArmMinimumTorque) -> System {
 
 fn limits_text(limits: &[f64]) -> String {
     if limits.iter().any(|limit| limit.is_finite()) {
-        format!(", torque_limits={limits:?}")
+        format!(", torque_limits=[{}]", few(limits))
     } else {
         String::new()
     }
@@ -75,6 +76,13 @@ fn limits_text(limits: &[f64]) -> String {
 /// Returns
 /// -------
 /// System
+///
+/// Examples
+/// --------
+/// >>> from somersault import ftla
+/// >>> ftla.linear_regulator().jacobian([1.0, 0.4])
+/// array([[-1., -1.],
+///        [-1.,  1.]])
 #[pyfunction]
 pub(crate) fn linear_regulator() -> System {
     System::made_from(2, 1, "linear regulator".to_owned(), Origin::LinearRegulator)
@@ -87,6 +95,14 @@ pub(crate) fn linear_regulator() -> System {
 /// Returns
 /// -------
 /// System
+///
+/// Examples
+/// --------
+/// >>> import numpy as np
+/// >>> from somersault import ftla
+/// >>> stable = [1.0, np.sqrt(2) - 1]
+/// >>> round(ftla.cubic_regulator().hamiltonian(stable), 9) + 0.0
+/// 0.0
 #[pyfunction]
 pub(crate) fn cubic_regulator() -> System {
     System::made_from(2, 1, "cubic regulator".to_owned(), Origin::CubicRegulator)
@@ -120,6 +136,13 @@ fn check_limits(limits: &[f64]) -> Result<(), Error> {
 /// Returns
 /// -------
 /// System
+///
+/// Examples
+/// --------
+/// >>> from somersault import ftla, multibody
+/// >>> system = ftla.tree(multibody.two_link_arm(), [1.0, 0.5])
+/// >>> system.dimension, system.n_controls
+/// (8, 2)
 #[pyfunction]
 #[pyo3(signature = (model, weights=None, *, torque_limits=None, passive=vec![]))]
 pub(crate) fn tree(
@@ -152,8 +175,11 @@ pub(crate) fn tree(
     let limits = numbers("torque_limits", torque_limits, f64::INFINITY)?;
     check_limits(&limits)?;
     let limited = limits_text(&limits);
-    let description =
-        format!("tree of {n} degrees of freedom, weights={weights:?}, passive={passive:?}{limited}");
+    let description = format!(
+        "tree of {n} degrees of freedom, weights=[{}], passive=[{}]{limited}",
+        few(&weights),
+        few(&passive)
+    );
     let mut system = TreeMinimumTorque::try_new(tree, &weights)?.try_with_torque_limits(&limits)?;
     for &joint in &passive {
         system = system.try_with_passive(joint)?;

@@ -8,7 +8,7 @@ use super::settings::limits_of;
 use super::spectrum::{Diagnosis, Spectrum, direction_of};
 use crate::core::convert::{positive, real_numbers};
 use crate::core::error::Error;
-use crate::core::value::{Pickled, by_restore, value};
+use crate::core::value::{Pickled, by_restore, few, value};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
@@ -176,6 +176,15 @@ impl Placement {
     /// -------
     /// PlacementResult
     ///     The placed point, or the best one found; the status says which.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import ftla
+    /// >>> flow = ftla.VariationalFlow(ftla.linear_regulator())
+    /// >>> placed = ftla.Placement((1, 0, 1), [], [2.0, 4.0, 8.0]).place(flow, [1.0, 0.0])
+    /// >>> placed.p.round(6), round(2**0.5 - 1, 6)
+    /// (array([1.      , 0.414214]), 0.414214)
     #[pyo3(signature = (flow, p, direction="forward", *, max_time=None, max_evaluations=None))]
     fn place(
         &self,
@@ -197,8 +206,8 @@ impl Placement {
     fn __repr__(&self) -> String {
         let (SplittingDims { stable, center, unstable }, times) = (self.dims, self.schedule.times());
         format!(
-            "<Placement: {stable}/{center}/{unstable}, costates {:?} held, {} for {} times up to {} s>",
-            self.held,
+            "<Placement: {stable}/{center}/{unstable}, costates [{}] held, {} for {} times up to {} s>",
+            few(&self.held),
             self.method(),
             times.len(),
             times[times.len() - 1]

@@ -71,6 +71,15 @@ pub(crate) fn end_of(name: &str, n: usize, states: &EndStates) -> Result<End, Er
 /// A motion by its nodes that satisfies the conditions of an optimum, as far as `status` and `residual` say.
 ///
 /// Called with times it gives states and costates there.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np
+/// >>> from somersault import ftla
+/// >>> t = np.linspace(0.0, 2.0, 5)
+/// >>> found = ftla.shoot(ftla.linear_regulator(), [1.0], [0.0], t, np.zeros((5, 2)))
+/// >>> found([0.0, 1.0, 2.0])[:, 0].round(6) + 0.0
+/// array([1.      , 0.229549, 0.      ])
 #[pyclass(frozen, module = "somersault.ftla")]
 pub(crate) struct Extremal {
     pub(crate) system: Py<System>,
@@ -193,6 +202,16 @@ impl Extremal {
     /// Returns
     /// -------
     /// ndarray, shape (n_controls,) or (m, n_controls)
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import ftla
+    /// >>> t = np.linspace(0.0, 2.0, 5)
+    /// >>> found = ftla.shoot(ftla.linear_regulator(), [1.0], [0.0], t, np.zeros((5, 2)))
+    /// >>> found.control([0.0, 1.0]).round(4)
+    /// array([[-0.4241],
+    ///        [-0.1359]])
     fn control<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         let (single, t) = finite_times(t)?;
         let found = attend(py, |run| controls(self, run, &t))?;
@@ -204,6 +223,15 @@ impl Extremal {
     /// Returns
     /// -------
     /// float
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import ftla
+    /// >>> t = np.linspace(0.0, 2.0, 5)
+    /// >>> found = ftla.shoot(ftla.linear_regulator(), [1.0], [0.0], t, np.zeros((5, 2)))
+    /// >>> round(found.cost(), 6)
+    /// 0.212065
     fn cost(&self, py: Python<'_>) -> Result<f64, Error> {
         attend(py, |run| cost(self, run))
     }
@@ -213,6 +241,16 @@ impl Extremal {
     /// Returns
     /// -------
     /// tuple of float
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import ftla
+    /// >>> t = np.linspace(0.0, 2.0, 5)
+    /// >>> found = ftla.shoot(ftla.linear_regulator(), [1.0], [0.0], t, np.zeros((5, 2)))
+    /// >>> low, high = found.hamiltonian_range()
+    /// >>> high - low < 1e-9
+    /// True
     fn hamiltonian_range(&self, py: Python<'_>) -> Result<(f64, f64), Error> {
         let range = attend(py, |run| hamiltonian_range(self, run))?;
         Ok(range.into())
@@ -406,6 +444,13 @@ pub(crate) fn shoot(
 /// Returns
 /// -------
 /// ndarray, shape (m,)
+///
+/// Examples
+/// --------
+/// >>> from somersault import ftla
+/// >>> ftla.graded_times(10.0, 0.5, 2.0).round(3)
+/// array([ 0.   ,  0.412,  1.031,  1.959,  3.351,  5.   ,  6.649,  8.041,
+///         8.969,  9.588, 10.   ])
 #[pyfunction(name = "graded_times")]
 pub(crate) fn py_graded_times(
     py: Python<'_>,

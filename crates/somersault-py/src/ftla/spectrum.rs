@@ -2,7 +2,7 @@
 
 use super::dimension::{dims_of, expect_square, matrix_array, vector};
 use crate::core::error::Error;
-use crate::core::value::{Pickled, by_restore, value};
+use crate::core::value::{Pickled, by_restore, few, value};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
@@ -69,7 +69,7 @@ value! {
 impl Spectrum {
     fn __repr__(&self) -> String {
         let exponents: Vec<_> = self.spectrum.exponents.iter().map(|mu| digits(*mu)).collect();
-        format!("<Spectrum: {} over {} s, [{}] 1/s>", self.direction(), self.time(), exponents.join(", "))
+        format!("<Spectrum: {} over {} s, [{}] 1/s>", self.direction(), self.time(), few(&exponents))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
@@ -164,6 +164,14 @@ impl Diagnosis {
     /// Returns
     /// -------
     /// ndarray, shape (m,)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ftla
+    /// >>> flow = ftla.VariationalFlow(ftla.linear_regulator())
+    /// >>> diagnosis = ftla.diagnose(flow.spectra([1.0, 0.4], [1.0, 2.0, 4.0]), 40.0)
+    /// >>> diagnosis.schedule().round(2)
+    /// array([0.49, 0.99, 1.48, 1.98, 2.47, 2.83])
     fn schedule<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyAny>, Error> {
         let schedule = Schedule::of_diagnosis(&self.diagnosis)?;
         Ok(PyArray1::from_slice(py, schedule.times()).into_any())
@@ -174,7 +182,8 @@ impl Diagnosis {
     }
 
     fn __repr__(&self) -> String {
-        format!("<Diagnosis: {}>", self.diagnosis)
+        let ((stable, center, unstable), horizon) = (self.dims(), self.horizon());
+        format!("<Diagnosis: {}, {stable}/{center}/{unstable}, horizon {horizon} s>", self.verdict())
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {

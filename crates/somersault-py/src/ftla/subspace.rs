@@ -87,6 +87,12 @@ impl Subspace {
     /// Returns
     /// -------
     /// Subspace
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ftla
+    /// >>> ftla.Subspace([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]).complement().basis.round(6)
+    /// array([[0., 0., 1.]])
     fn complement(&self) -> Self {
         Self { subspace: self.subspace.complement() }
     }
@@ -100,6 +106,14 @@ impl Subspace {
     /// Returns
     /// -------
     /// Subspace
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ftla
+    /// >>> xy = ftla.Subspace([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    /// >>> yz = ftla.Subspace([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    /// >>> abs(xy.intersection(yz).basis).round(6)
+    /// array([[0., 1., 0.]])
     fn intersection(&self, other: &Self) -> Result<Self, Error> {
         self.beside(other)?;
         Ok(Self { subspace: self.subspace.intersection(&other.subspace) })
@@ -115,6 +129,14 @@ impl Subspace {
     /// -------
     /// float
     ///     rad, from 0 to π/2.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import ftla
+    /// >>> plane = ftla.Subspace([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    /// >>> round(float(np.degrees(plane.angle_to([1.0, 0.0, 1.0]))), 6)
+    /// 45.0
     fn angle_to(&self, v: &Bound<'_, PyAny>) -> Result<f64, Error> {
         Ok(self.subspace.angle_to(&self.vector(v)?))
     }
@@ -129,6 +151,13 @@ impl Subspace {
     /// -------
     /// ndarray, shape (k,)
     ///     rad; small ones keep their digits.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ftla
+    /// >>> one, other = ftla.Subspace([[1.0, 0.0, 0.0]]), ftla.Subspace([[1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+    /// >>> one.angles(other).round(4)
+    /// array([0.7854])
     fn angles<'py>(&self, py: Python<'py>, other: &Self) -> Result<Bound<'py, PyAny>, Error> {
         self.beside(other)?;
         Ok(PyArray1::from_vec(py, self.subspace.angles(&other.subspace)).into_any())
@@ -168,6 +197,16 @@ impl Subspace {
 ///     At the same point.
 /// dims : tuple of int
 ///     (n^s, n^c, n^u).
+///
+/// Examples
+/// --------
+/// >>> from somersault import ftla
+/// >>> flow = ftla.VariationalFlow(ftla.linear_regulator())
+/// >>> forward = flow.spectrum([1.0, 0.4], 8.0)
+/// >>> backward = flow.spectrum([1.0, 0.4], 8.0, "backward")
+/// >>> splitting = ftla.Splitting(forward, backward, (1, 0, 1))
+/// >>> round(splitting.stable.angle_to([1.0, 2**0.5 - 1]), 6) + 0.0
+/// 0.0
 #[pyclass(frozen, module = "somersault.ftla")]
 pub(crate) struct Splitting {
     /// tuple of int: (n^s, n^c, n^u).
@@ -242,6 +281,14 @@ impl Splitting {
 /// Returns
 /// -------
 /// Subspace
+///
+/// Examples
+/// --------
+/// >>> from somersault import ftla
+/// >>> flow = ftla.VariationalFlow(ftla.linear_regulator())
+/// >>> slow = ftla.slow_subspace(flow.spectrum([1.0, 0.4], 8.0), (1, 0, 1))
+/// >>> slow, round(slow.angle_to([1.0, 2**0.5 - 1]), 6) + 0.0
+/// (<Subspace: 1 of 2 dimensions>, 0.0)
 #[pyfunction]
 pub(crate) fn slow_subspace(
     spectrum: &Spectrum,
@@ -265,6 +312,13 @@ pub(crate) fn slow_subspace(
 /// -------
 /// list of tuple
 ///     (numbers of the costates held, from 0; singular value).
+///
+/// Examples
+/// --------
+/// >>> from somersault import ftla
+/// >>> slow = ftla.Subspace([[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.1]])
+/// >>> [(held, round(value, 3)) for held, value in ftla.rank_held_costates(slow)]
+/// [([0], 0.995), ([1], 0.1)]
 #[pyfunction]
 pub(crate) fn rank_held_costates(slow: &Subspace) -> Result<Vec<(Vec<usize>, f64)>, Error> {
     Ok(placement::rank_held_costates(&slow.subspace)?)

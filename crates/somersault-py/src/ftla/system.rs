@@ -8,7 +8,7 @@ use super::watched::{Callables, Source, Watched};
 use crate::core::callable::check_callable;
 use crate::core::error::Error;
 use crate::core::rows::Rows;
-use crate::core::value::value;
+use crate::core::value::{brief, value};
 use crate::multibody::model::Model;
 use pyo3::prelude::*;
 use somersault::ftla::system::{
@@ -279,6 +279,12 @@ impl System {
     /// Returns
     /// -------
     /// ndarray, shape (dimension,) or (m, dimension)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ftla
+    /// >>> ftla.linear_regulator().field([1.0, 0.5])
+    /// array([-1.5, -0.5])
     fn field<'py>(&self, py: Python<'py>, p: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         self.evaluate(py, Quantity::Field, p)
     }
@@ -292,6 +298,13 @@ impl System {
     /// Returns
     /// -------
     /// ndarray, shape (dimension, dimension) or (m, dimension, dimension)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ftla
+    /// >>> ftla.cubic_regulator().jacobian([1.0, 0.5])
+    /// array([[-3., -1.],
+    ///        [ 2.,  3.]])
     fn jacobian<'py>(&self, py: Python<'py>, p: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         self.evaluate(py, Quantity::Jacobian, p)
     }
@@ -305,6 +318,12 @@ impl System {
     /// Returns
     /// -------
     /// float or ndarray, shape (m,)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ftla
+    /// >>> ftla.linear_regulator().hamiltonian([[1.0, 0.5], [0.0, 0.0]])
+    /// array([-0.125,  0.   ])
     fn hamiltonian<'py>(&self, py: Python<'py>, p: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         self.evaluate(py, Quantity::Hamiltonian, p)
     }
@@ -318,6 +337,12 @@ impl System {
     /// Returns
     /// -------
     /// ndarray, shape (n_controls,) or (m, n_controls)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ftla
+    /// >>> ftla.linear_regulator().control([1.0, 0.5])
+    /// array([-0.5])
     fn control<'py>(&self, py: Python<'py>, p: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         self.evaluate(py, Quantity::Control, p)
     }
@@ -331,11 +356,17 @@ impl System {
     /// Returns
     /// -------
     /// float or ndarray, shape (m,)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ftla
+    /// >>> ftla.linear_regulator().running_cost([1.0, 0.5])
+    /// 0.625
     fn running_cost<'py>(&self, py: Python<'py>, p: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         self.evaluate(py, Quantity::RunningCost, p)
     }
 
     fn __repr__(&self) -> String {
-        format!("<System: {}>", self.description)
+        format!("<System: {}>", brief(&self.description, 180))
     }
 }

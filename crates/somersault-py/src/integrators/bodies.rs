@@ -75,6 +75,12 @@ impl RigidBody {
     ///     Mass, kg.
     /// lengths : array_like, shape (3,)
     ///     Side lengths, m.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import somersault
+    /// >>> somersault.RigidBody.box(6.0, (1.0, 2.0, 3.0))
+    /// RigidBody(mass=6.0, inertia=[6.5, 5.0, 2.5])
     #[classmethod]
     #[pyo3(name = "box")]
     fn solid_box(_: &Bound<'_, PyType>, mass: f64, lengths: &Bound<'_, PyAny>) -> Result<Self, Error> {
@@ -89,6 +95,12 @@ impl RigidBody {
     ///     Mass, kg.
     /// radius : float
     ///     Radius, m.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import somersault
+    /// >>> somersault.RigidBody.sphere(5.0, 0.5)
+    /// RigidBody(mass=5.0, inertia=[0.5, 0.5, 0.5])
     #[classmethod]
     fn sphere(_: &Bound<'_, PyType>, mass: f64, radius: f64) -> Result<Self, Error> {
         Self::of(mass, Inertia::try_sphere(mass, radius)?)
@@ -102,6 +114,12 @@ impl RigidBody {
     ///     Mass, kg.
     /// radii : array_like, shape (3,)
     ///     Semi-axes, m.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import somersault
+    /// >>> somersault.RigidBody.ellipsoid(5.0, (1.0, 2.0, 3.0))
+    /// RigidBody(mass=5.0, inertia=[13.0, 10.0, 5.0])
     #[classmethod]
     fn ellipsoid(_: &Bound<'_, PyType>, mass: f64, radii: &Bound<'_, PyAny>) -> Result<Self, Error> {
         Self::of(mass, Inertia::try_ellipsoid(mass, crate::core::convert::any_vector("radii", radii)?)?)
@@ -115,6 +133,12 @@ impl RigidBody {
     ///     Mass, kg.
     /// radius, height : float
     ///     Radius and height, m.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import somersault
+    /// >>> somersault.RigidBody.cylinder(12.0, 1.0, 2.0)
+    /// RigidBody(mass=12.0, inertia=[7.0, 7.0, 6.0])
     #[classmethod]
     fn cylinder(_: &Bound<'_, PyType>, mass: f64, radius: f64, height: f64) -> Result<Self, Error> {
         Self::of(mass, Inertia::try_cylinder(mass, radius, height)?)
@@ -128,6 +152,13 @@ impl RigidBody {
     ///     Mass, kg.
     /// radius, height : float
     ///     Radius, and height of the cylinder alone, m.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import somersault
+    /// >>> thigh = somersault.RigidBody.capsule(9.0, 0.08, 0.3)
+    /// >>> thigh.principal_moments.round(4)
+    /// array([0.1408, 0.1408, 0.0273])
     #[classmethod]
     fn capsule(_: &Bound<'_, PyType>, mass: f64, radius: f64, height: f64) -> Result<Self, Error> {
         Self::of(mass, Inertia::try_capsule(mass, radius, height)?)
@@ -141,6 +172,12 @@ impl RigidBody {
     ///     Mass, kg.
     /// radius : float
     ///     Radius, m.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import somersault
+    /// >>> somersault.RigidBody.shell(3.0, 0.5)
+    /// RigidBody(mass=3.0, inertia=[0.5, 0.5, 0.5])
     #[classmethod]
     fn shell(_: &Bound<'_, PyType>, mass: f64, radius: f64) -> Result<Self, Error> {
         Self::of(mass, Inertia::try_shell(mass, radius)?)

@@ -34,6 +34,17 @@ impl<Q: Seen> Events<Q> {
 }
 
 /// A change in a contact: its beginning, its end, the change between sticking and sliding.
+///
+/// Examples
+/// --------
+/// >>> import somersault
+/// >>> from somersault import contact
+/// >>> ball = contact.bouncing_ball(1.0, 0.1, contact.CompliantLaw(1e4), height=0.2)
+/// >>> motion = somersault.integrate(
+/// ...     ball.body, ball.state, (0.0, 0.3), dt=0.01, forces=ball.forces, contacts=ball.contacts)
+/// >>> touch = motion.events[0]
+/// >>> touch.kind, round(touch.t, 4), touch.state.velocity.round(3)
+/// ('touch_down', 0.2019, array([ 0.   ,  0.   , -1.981]))
 #[pyclass(frozen, module = "somersault.contact")]
 pub(crate) struct Event {
     t: f64,

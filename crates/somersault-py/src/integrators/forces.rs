@@ -38,6 +38,15 @@ impl ForceModel {
     /// -------
     /// force, torque : ndarray, shape (3,)
     ///     Force, N, and torque about the centre of mass, N m, world frame.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import somersault
+    /// >>> body = somersault.RigidBody.sphere(2.0, 0.1)
+    /// >>> drag = somersault.forces.Drag(quadratic=0.5)
+    /// >>> force, torque = drag.wrench(0.0, body, somersault.State(velocity=(4.0, 0.0, 0.0)))
+    /// >>> round(float(force[0]), 6)
+    /// -8.0
     fn wrench<'py>(
         &self,
         py: Python<'py>,
@@ -101,6 +110,17 @@ where
 /// ----------
 /// acceleration : array_like, shape (3,), optional
 ///     g, m/s²; 9.81 along −z unless given.
+///
+/// Examples
+/// --------
+/// On the moon:
+///
+/// >>> import somersault
+/// >>> body, start = somersault.RigidBody.sphere(1.0, 0.1), somersault.State((0, 0, 10.0))
+/// >>> moon = somersault.forces.Gravity((0, 0, -1.62))
+/// >>> motion = somersault.integrate(body, start, (0.0, 1.0), dt=0.1, forces=moon)
+/// >>> round(float(motion.position[-1, 2]), 6)
+/// 9.19
 #[pyclass(frozen, extends = ForceModel, module = "somersault.forces")]
 pub(crate) struct Gravity(force::Gravity);
 
@@ -148,6 +168,18 @@ impl Gravity {
 ///     c, N s/m.
 /// rest_length : float, optional
 ///     l₀, m.
+///
+/// Examples
+/// --------
+/// A mass on a spring, after half a period:
+///
+/// >>> import numpy as np
+/// >>> import somersault
+/// >>> spring = somersault.forces.Spring(4.0)
+/// >>> body, start = somersault.RigidBody.sphere(1.0, 0.1), somersault.State((1.0, 0, 0))
+/// >>> motion = somersault.integrate(body, start, (0.0, np.pi / 2), dt=0.01, forces=spring)
+/// >>> round(float(motion.position[-1, 0]), 6)
+/// -1.0
 #[pyclass(frozen, extends = ForceModel, module = "somersault.forces")]
 pub(crate) struct Spring(force::Spring);
 
@@ -237,6 +269,17 @@ impl Spring {
 ///     c₂, N s²/m².
 /// angular : float, optional
 ///     c₃, N m s.
+///
+/// Examples
+/// --------
+/// Falling at the limit speed √(m g/c₂):
+///
+/// >>> import somersault
+/// >>> fall = [somersault.forces.Gravity(), somersault.forces.Drag(quadratic=0.25)]
+/// >>> body = somersault.RigidBody.sphere(1.0, 0.1)
+/// >>> motion = somersault.integrate(body, somersault.State(), (0.0, 10.0), dt=0.1, forces=fall)
+/// >>> round(float(motion.velocity[-1, 2]), 4), round((9.81 / 0.25) ** 0.5, 4)
+/// (-6.2642, 6.2642)
 #[pyclass(frozen, extends = ForceModel, module = "somersault.forces")]
 pub(crate) struct Drag(force::Drag);
 
@@ -287,6 +330,15 @@ impl Drag {
 ///     Torque, N m.
 /// frame : {'world', 'body'}, optional
 ///     Where it is fixed.
+///
+/// Examples
+/// --------
+/// >>> import somersault
+/// >>> body = somersault.RigidBody(1.0, (1.0, 1.0, 2.0))
+/// >>> motor = somersault.forces.Torque((0.0, 0.0, 0.5), frame="body")
+/// >>> motion = somersault.integrate(body, somersault.State(), (0.0, 4.0), dt=0.1, forces=motor)
+/// >>> motion.angular_velocity[-1].round(6)
+/// array([0., 0., 1.])
 #[pyclass(frozen, extends = ForceModel, module = "somersault.forces")]
 pub(crate) struct Torque(force::ConstantTorque);
 
@@ -339,6 +391,16 @@ impl Torque {
 ///     Force, world frame, N.
 /// point : array_like, shape (3,), optional
 ///     Point of action, body frame, m; the centre of mass unless given.
+///
+/// Examples
+/// --------
+/// A push beside the centre of mass turns the body:
+///
+/// >>> import somersault
+/// >>> push = somersault.forces.Force((0.0, 2.0, 0.0), point=(0.5, 0.0, 0.0))
+/// >>> force, torque = push.wrench(0.0, somersault.RigidBody.sphere(1.0, 0.5), somersault.State())
+/// >>> torque
+/// array([0., 0., 1.])
 #[pyclass(frozen, extends = ForceModel, module = "somersault.forces")]
 pub(crate) struct Force(force::ConstantForce);
 
@@ -377,6 +439,20 @@ impl Force {
 /// ----------
 /// constant : float, optional
 ///     G in the units of the problem; the CODATA value of 2018 in m³/(kg s²) unless given.
+///
+/// Examples
+/// --------
+/// Two equal stars on a circle, after one turn:
+///
+/// >>> import numpy as np
+/// >>> import somersault
+/// >>> star = somersault.RigidBody.sphere(1.0, 0.01)
+/// >>> states = [somersault.State((x, 0, 0), velocity=(0, x / 2**0.5, 0)) for x in (0.5, -0.5)]
+/// >>> pull = somersault.forces.Gravitation(0.25)
+/// >>> turn = 2 * np.pi * 2**0.5
+/// >>> motion = somersault.integrate([star, star], states, (0.0, turn), dt=0.01, interaction=pull)
+/// >>> [round(float(x), 5) for x in motion.position[-1, :, 0]]
+/// [0.5, -0.5]
 #[pyclass(frozen, from_py_object, module = "somersault.forces")]
 #[derive(Clone, Copy)]
 pub(crate) struct Gravitation(system::Gravitation);

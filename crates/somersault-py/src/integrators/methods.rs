@@ -83,7 +83,7 @@ impl MethodInfo {
     fn __repr__(&self) -> String {
         let info = self.0.info();
         format!(
-            "<method '{}': {}, order {} on R^3 and {} on SO(3)>",
+            "<MethodInfo '{}': {}, order {} on R^3 and {} on SO(3)>",
             info.name, info.title, info.orders.translation, info.orders.rotation
         )
     }
@@ -176,6 +176,10 @@ impl MethodTable {
     }
 
     fn __repr__(&self) -> String {
+        format!("<MethodTable: {} methods; print it to see them>", Method::ALL.len())
+    }
+
+    fn __str__(&self) -> String {
         let header =
             ["name", "title", "R^3", "SO(3)", "within steps", "evaluations", "variables", "step", "scope"];
         let rows: Vec<[String; 9]> = Method::ALL
@@ -243,6 +247,13 @@ pub(crate) fn methods() -> MethodTable {
 /// ------
 /// InputError
 ///     If there is none; the message lists the names.
+///
+/// Examples
+/// --------
+/// >>> from somersault import integrators
+/// >>> rkmk = integrators.method("rkmk")
+/// >>> rkmk.evaluations, rkmk.orders["rotation"]
+/// (4, 4)
 #[pyfunction]
 pub(crate) fn method(name: &str) -> Result<MethodInfo, Error> {
     Ok(MethodInfo(parse(name)?))

@@ -119,6 +119,13 @@ impl StabilityRegion {
 /// ------
 /// EvaluationError
 ///     If the method is not one that can be studied so.
+///
+/// Examples
+/// --------
+/// >>> from somersault import studies
+/// >>> region = studies.stability_region("heun")
+/// >>> round(region.real_limit, 3)
+/// 2.0
 #[pyfunction]
 #[pyo3(signature = (method, *, start_up="one_step"))]
 pub(crate) fn stability_region(
@@ -153,6 +160,12 @@ pub(crate) fn stability_region(
 ///     If a part is not finite.
 /// EvaluationError
 ///     If the method is not one that can be studied so.
+///
+/// Examples
+/// --------
+/// >>> from somersault import studies
+/// >>> studies.spectral_radii("heun", [-1.0, -3.0], 0.0).round(3)
+/// array([[0.5, 2.5]])
 #[pyfunction]
 #[pyo3(signature = (method, re, im, *, start_up="one_step"))]
 pub(crate) fn spectral_radii<'py>(
@@ -262,6 +275,12 @@ impl EnergyStudy {
 /// -------
 /// list of RigidBody
 ///     The bodies.
+///
+/// Examples
+/// --------
+/// >>> from somersault import studies
+/// >>> [body.principal_moments.tolist() for body in studies.prisms(2)][-1]
+/// [1.0, 1.0, 1.0]
 #[pyfunction]
 pub(crate) fn prisms(#[pyo3(from_py_with = integer)] n: i64) -> Result<Vec<RigidBody>, Error> {
     Ok(energy::prisms(at_most_a_thousand("n", n)?)?.into_iter().map(RigidBody).collect())
@@ -298,6 +317,12 @@ fn at_most_a_thousand(argument: &str, found: i64) -> Result<usize, Error> {
 /// ------
 /// InputError
 ///     If an argument is not allowed or the method does not apply to free bodies.
+///
+/// Examples
+/// --------
+/// >>> from somersault import studies
+/// >>> [studies.energy(name, studies.prisms(3), steps=[1, 10]).behaviour for name in ("rkmk", "dmv2s")]
+/// ['unconditionally unstable', 'unconditionally stable']
 #[pyfunction(name = "energy")]
 #[pyo3(signature = (
     method, bodies=None, *, angular_velocity=None, dt=1.0, steps=vec![1, 2, 5, 10, 20, 50, 100], start_up="ladder"
@@ -350,6 +375,15 @@ enum Chosen {
 /// ------
 /// InputError
 ///     If the end is not positive.
+///
+/// Examples
+/// --------
+/// >>> import somersault
+/// >>> from somersault import studies
+/// >>> body, start = somersault.RigidBody(1.0, (1.0, 2.0, 2.5)), somersault.State(angular_velocity=(0.1, 2.0, 0.0))
+/// >>> problem = studies.Problem(body, start, 3.0)
+/// >>> round(studies.convergence(problem, "rkmk", [0.1, 0.05, 0.025]).orders["orientation"])
+/// 4
 #[pyclass(frozen, module = "somersault.studies")]
 pub(crate) struct Problem(Arc<Chosen>);
 
@@ -389,6 +423,12 @@ impl Problem {
     /// ----------
     /// number : {1, 2, 3}
     ///     A symmetric rod, a box about its middle axis, or a symmetric plate.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import studies
+    /// >>> studies.Problem.case(2)
+    /// <Problem: free body, 10 s>
     #[classmethod]
     fn case(_: &Bound<'_, PyType>, #[pyo3(from_py_with = integer)] number: i64) -> Result<Self, Error> {
         let case = usize::try_from(number)
@@ -399,12 +439,25 @@ impl Problem {
     }
 
     /// An asymmetric free body far from the separatrix, for 5 s.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import studies
+    /// >>> studies.Problem.asymmetric_body().t_end
+    /// 5.0
     #[classmethod]
     fn asymmetric_body(_: &Bound<'_, PyType>) -> Result<Self, Error> {
         Ok(Self(Arc::new(Chosen::Free(problem::asymmetric_body()?))))
     }
 
     /// A unit mass on a spring in gravity, for 2 s: a force that depends on the position.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import studies
+    /// >>> found = studies.convergence(studies.Problem.spring_pendulum(), "heun", [0.01, 0.005, 0.0025])
+    /// >>> round(found.orders["position"], 1)
+    /// 2.0
     #[classmethod]
     fn spring_pendulum(cls: &Bound<'_, PyType>) -> Result<Self, Error> {
         let (py, problem) = (cls.py(), problem::spring_pendulum()?);
@@ -414,6 +467,12 @@ impl Problem {
     }
 
     /// As `spring_pendulum`, with damping and drag: forces that depend on the velocity.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import studies
+    /// >>> [type(force).__name__ for force in studies.Problem.damped_spring_pendulum().forces]
+    /// ['Gravity', 'Spring', 'Drag']
     #[classmethod]
     fn damped_spring_pendulum(cls: &Bound<'_, PyType>) -> Result<Self, Error> {
         let (py, problem) = (cls.py(), problem::damped_spring_pendulum()?);
@@ -594,6 +653,13 @@ impl Convergence {
 /// ------
 /// InputError
 ///     If a step is not positive, or the method accepts no torque and the problem has one.
+///
+/// Examples
+/// --------
+/// >>> from somersault import studies
+/// >>> found = studies.convergence(studies.Problem.case(1), "rkmk", [0.05, 0.025, 0.0125])
+/// >>> round(found.orders["orientation"])
+/// 4
 #[pyfunction]
 #[pyo3(signature = (problem, method, dts, *, start_up="one_step"))]
 pub(crate) fn convergence(
@@ -717,6 +783,13 @@ impl WorkPrecision {
 /// ------
 /// InputError
 ///     If a step or a tolerance is not positive.
+///
+/// Examples
+/// --------
+/// >>> from somersault import studies
+/// >>> found = studies.work_precision(studies.Problem.case(1), "rkmk", [0.2, 0.1], repeats=1)
+/// >>> found.evaluations.tolist(), bool(found.errors["orientation"][1] < found.errors["orientation"][0])
+/// ([200, 400], True)
 #[pyfunction(name = "work_precision")]
 #[pyo3(signature = (problem, method, dts=None, *, tolerances=None, repeats=3, start_up="one_step"))]
 pub(crate) fn work_precision_study(

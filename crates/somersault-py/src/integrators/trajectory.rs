@@ -121,6 +121,17 @@ const MADE: usize = Made::RotationalEnergy as usize + 1;
 ///     Velocities of the centre of mass, m/s.
 /// angular_velocity : array_like, shape (n, 3) or (n, bodies, 3)
 ///     Angular velocities in the world frame, rad/s.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np
+/// >>> import somersault
+/// >>> t = np.linspace(0.0, 1.0, 3)
+/// >>> zero, still = np.zeros((3, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (3, 1))
+/// >>> body = somersault.RigidBody.sphere(2.0, 0.1)
+/// >>> motion = somersault.Trajectory(body, t, zero, still, zero + [1.0, 2.0, 0.0], zero)
+/// >>> motion.kinetic_energy
+/// array([5., 5., 5.])
 #[pyclass(frozen, subclass, module = "somersault")]
 pub(crate) struct Trajectory {
     cast: Cast,
@@ -294,6 +305,14 @@ impl Trajectory {
 ///
 /// Called with a number it gives the `State`, or a list of them for several bodies; called with an
 /// array of times, a `Trajectory`. Its curves are not written to files or pickles; a `Trajectory` is.
+///
+/// Examples
+/// --------
+/// >>> import somersault
+/// >>> body, fall = somersault.RigidBody.sphere(1.0, 0.1), somersault.forces.Gravity()
+/// >>> motion = somersault.integrate(body, somersault.State(), (0.0, 1.0), dt=0.1, forces=fall, dense_output=True)
+/// >>> motion.sol(0.25).position.round(3)
+/// array([ 0.   ,  0.   , -0.307])
 #[pyclass(frozen, module = "somersault")]
 pub(crate) struct DenseOutput {
     cast: Cast,

@@ -29,6 +29,13 @@ use somersault::motion::synthetic;
 /// ------
 /// InputError
 ///     If a fault is not finite.
+///
+/// Examples
+/// --------
+/// >>> from somersault import motion
+/// >>> faults = motion.DiveFaults(entry_angle=0.1, hip_opening=0.4, exit_fraction=0.7, asymmetry=0.0, roughness=8.0)
+/// >>> motion.SyntheticJudge(faults).intended(faults)
+/// 10.0
 #[pyclass(frozen, module = "somersault.motion")]
 #[derive(Clone, Copy)]
 pub(crate) struct DiveFaults {
@@ -77,6 +84,18 @@ impl DiveFaults {
     /// Returns
     /// -------
     /// DiveFaults
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import motion, multibody
+    /// >>> diver = multibody.diver_planar()
+    /// >>> t = np.linspace(0.0, 1.0, 30)
+    /// >>> fold = np.sin(np.pi * t)[:, None]
+    /// >>> q = (1 - fold) * diver.configuration("A") + fold * diver.configuration("H")
+    /// >>> faults = motion.DiveFaults.of(diver.model, t, q)
+    /// >>> round(faults.hip_opening, 2), round(faults.exit_fraction, 2), faults.asymmetry
+    /// (0.52, 0.83, 0.0)
     #[classmethod]
     fn of(
         _: &Bound<'_, PyType>,
@@ -135,6 +154,15 @@ pub(super) fn configurations(
 /// ------
 /// InputError
 ///     If a deduction or the noise is negative, or a fault is not finite.
+///
+/// Examples
+/// --------
+/// >>> from somersault import motion
+/// >>> best = motion.DiveFaults(entry_angle=0.0, hip_opening=0.3, exit_fraction=0.6, asymmetry=0.0, roughness=8.0)
+/// >>> judge = motion.SyntheticJudge(best, entry_angle=5.0)
+/// >>> late = motion.DiveFaults(entry_angle=0.2, hip_opening=0.3, exit_fraction=0.6, asymmetry=0.0, roughness=8.0)
+/// >>> round(judge.intended(late), 6)
+/// 9.0
 #[pyclass(frozen, module = "somersault.motion")]
 #[derive(Clone, Copy)]
 pub(crate) struct SyntheticJudge {
@@ -195,6 +223,13 @@ impl SyntheticJudge {
     /// Returns
     /// -------
     /// float
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import motion
+    /// >>> best = motion.DiveFaults(entry_angle=0.0, hip_opening=0.3, exit_fraction=0.6, asymmetry=0.0, roughness=8.0)
+    /// >>> motion.SyntheticJudge(best, noise=0.5).intended(best)
+    /// 10.0
     fn intended(&self, faults: &Bound<'_, DiveFaults>) -> Result<f64, Error> {
         Ok(self.judge.intended(&faults.get().faults)?)
     }

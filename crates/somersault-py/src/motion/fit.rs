@@ -80,6 +80,12 @@ impl MarkerSet {
     /// Returns
     /// -------
     /// MarkerSet
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import motion, multibody
+    /// >>> motion.MarkerSet.joint_centres(multibody.two_link_arm()).names
+    /// ('upper', 'lower')
     #[classmethod]
     fn joint_centres(_: &Bound<'_, PyType>, model: &Bound<'_, Model>) -> Result<Self, Error> {
         let markers = fit::MarkerSet::joint_centres(&model.get().model)?;

@@ -4,7 +4,7 @@ use super::matrix::{count, matrices, matrix, matrix_array, numbers_array, same_l
 use super::motion_fit::MotionFit;
 use crate::core::convert::{a_type, real_numbers, with_shape};
 use crate::core::error::Error;
-use crate::core::value::{Pickled, by_restore, value};
+use crate::core::value::{Pickled, brief, by_restore, few, value};
 use crate::multibody::model::Model;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
@@ -20,6 +20,13 @@ use somersault::motion::analysis::{self, AnalysisError, Panel};
 /// ------
 /// InputError
 ///     If there is no motion, or a number is not finite.
+///
+/// Examples
+/// --------
+/// >>> from somersault import motion
+/// >>> band = motion.Band([[0.0, 1.0, 2.0], [2.0, 3.0, 4.0]])
+/// >>> band.mean.tolist(), band.deviation.round(3).tolist()
+/// ([1.0, 2.0, 3.0], [1.414, 1.414, 1.414])
 #[pyclass(frozen, module = "somersault.motion")]
 pub(crate) struct Band {
     band: analysis::Band,
@@ -82,6 +89,21 @@ impl Band {
 /// ------
 /// InputError
 ///     If a fit has no such weight, or there is nothing to compare.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np
+/// >>> from somersault import motion, multibody
+/// >>> arm = multibody.two_link_arm()
+/// >>> markers = motion.MarkerSet(arm, {"elbow": ("lower", (0, 0, 0)), "hand": ("lower", (0.5, 0, 0))})
+/// >>> t = np.linspace(0.0, 1.0, 8)
+/// >>> def fit(size):
+/// ...     seen = motion.place_markers(markers, t, np.outer(t, [1.0, 0.5]), scale=size)
+/// ...     return motion.MarkerFit(markers).fit(seen)
+/// >>> groups = {"small": [fit(0.9), fit(0.95)], "tall": [fit(1.1), fit(1.2)]}
+/// >>> comparison = motion.GroupComparison(groups, "scale", n_frames=5)
+/// >>> comparison.bands()["tall"].mean.round(3)
+/// array([1.15, 1.15, 1.15, 1.15, 1.15])
 #[pyclass(frozen, module = "somersault.motion")]
 pub(crate) struct GroupComparison {
     names: Vec<String>,
@@ -172,6 +194,18 @@ impl GroupComparison {
     /// Returns
     /// -------
     /// ndarray, shape (n_motions, n_frames)
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import motion, multibody
+    /// >>> arm = multibody.two_link_arm()
+    /// >>> markers = motion.MarkerSet(arm, {"elbow": ("lower", (0, 0, 0)), "hand": ("lower", (0.5, 0, 0))})
+    /// >>> t = np.linspace(0.0, 1.0, 8)
+    /// >>> seen = motion.place_markers(markers, t, np.outer(t, [1.0, 0.5]), scale=1.1)
+    /// >>> fit = motion.MarkerFit(markers).fit(seen)
+    /// >>> motion.GroupComparison({"tall": [fit]}, "scale", n_frames=4).series("tall").round(3)
+    /// array([[1.1, 1.1, 1.1, 1.1]])
     fn series<'py>(&self, py: Python<'py>, name: &str) -> Result<Bound<'py, PyAny>, Error> {
         let mut series = self.names.iter().zip(self.comparison.series());
         let (_, found) = series.find(|(known, _)| *known == name).ok_or_else(|| {
@@ -186,6 +220,19 @@ impl GroupComparison {
     /// Returns
     /// -------
     /// dict of str to Band
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import motion, multibody
+    /// >>> arm = multibody.two_link_arm()
+    /// >>> markers = motion.MarkerSet(arm, {"elbow": ("lower", (0, 0, 0)), "hand": ("lower", (0.5, 0, 0))})
+    /// >>> t = np.linspace(0.0, 1.0, 8)
+    /// >>> seen = [motion.place_markers(markers, t, np.outer(t, [1.0, 0.5]), scale=size) for size in (1.0, 1.2)]
+    /// >>> fits = [motion.MarkerFit(markers).fit(each) for each in seen]
+    /// >>> bands = motion.GroupComparison({"all": fits}, "scale", n_frames=3).bands()
+    /// >>> bands["all"].mean.round(3), bands["all"].deviation.round(3)
+    /// (array([1.1, 1.1, 1.1]), array([0.141, 0.141, 0.141]))
     fn bands<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyDict>, Error> {
         let found = PyDict::new(py);
         for (name, band) in self.names.iter().zip(self.comparison.bands()?) {
@@ -221,7 +268,7 @@ impl GroupComparison {
     }
 
     fn __repr__(&self) -> String {
-        format!("<GroupComparison: {} of {}>", self.panel(), self.names.join(", "))
+        format!("<GroupComparison: {} of {}>", self.panel(), brief(&few(&self.names), 100))
     }
 }
 
@@ -236,6 +283,12 @@ impl GroupComparison {
 /// Returns
 /// -------
 /// ndarray, shape (n_frames,)
+///
+/// Examples
+/// --------
+/// >>> from somersault import motion
+/// >>> motion.normalize_frames([0.0, 1.0, 2.0, 4.0], [0.0, 1.0, 2.0, 4.0], 5).round(6)
+/// array([0., 1., 2., 3., 4.])
 #[pyfunction]
 pub(crate) fn normalize_frames<'py>(
     py: Python<'py>,
@@ -268,6 +321,18 @@ pub(crate) fn normalize_frames<'py>(
 /// ------
 /// InputError
 ///     If a number is not finite, or a root's quaternion is not of unit length.
+///
+/// Examples
+/// --------
+/// A somersault and a half:
+///
+/// >>> import numpy as np
+/// >>> from somersault import motion, multibody
+/// >>> diver = multibody.diver_planar()
+/// >>> q = np.tile(diver.configuration("A"), (20, 1))
+/// >>> q[:, 2] = np.linspace(0.0, -3 * np.pi, 20)
+/// >>> round(float(motion.turns_about(diver.model, q)[-1]), 6)
+/// 1.5
 #[pyfunction]
 pub(crate) fn turns_about<'py>(
     py: Python<'py>,

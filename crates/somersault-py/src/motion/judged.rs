@@ -82,6 +82,19 @@ impl JudgedSet {
     /// Returns
     /// -------
     /// list of Performance
+    ///
+    /// Examples
+    /// --------
+    /// >>> import pathlib, tempfile
+    /// >>> import numpy as np
+    /// >>> from somersault import motion
+    /// >>> folder, t = pathlib.Path(tempfile.mkdtemp()), np.linspace(0.0, 1.0, 10)
+    /// >>> for name in ("one", "two"):
+    /// ...     hip = motion.MarkerRecording(["hip"], t, np.outer(t, [1.0, 0.0, 0.5])[:, None])
+    /// ...     motion.write_csv(folder / f"{name}.csv", hip)
+    /// >>> _ = (folder / "judged.csv").write_text("motion,score\none.csv,7.5\ntwo.csv,8\n")
+    /// >>> motion.read_judged(folder / "judged.csv").performances()
+    /// [<Performance: 3 features, 1.000 s>, <Performance: 3 features, 1.000 s>]
     fn performances(&self) -> Result<Vec<Performance>, Error> {
         let found = self.set.performances().map_err(raised)?;
         Ok(found.into_iter().map(|performance| Performance { performance }).collect())
@@ -101,6 +114,19 @@ impl JudgedSet {
     ///     If a file has the name of the list.
     /// OSError
     ///     If the folder cannot be written to.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import pathlib, tempfile
+    /// >>> import numpy as np
+    /// >>> from somersault import motion
+    /// >>> folder, t = pathlib.Path(tempfile.mkdtemp()), np.linspace(0.0, 1.0, 10)
+    /// >>> hip = motion.MarkerRecording(["hip"], t, np.outer(t, [1.0, 0.0, 0.5])[:, None])
+    /// >>> motion.write_csv(folder / "one.csv", hip)
+    /// >>> _ = (folder / "list.csv").write_text("motion,score\none.csv,7.5\n")
+    /// >>> motion.read_judged(folder / "list.csv").save(folder / "copy")
+    /// >>> sorted(path.name for path in (folder / "copy").iterdir())
+    /// ['judged.csv', 'one.csv']
     fn save(&self, folder: PathBuf) -> Result<(), Error> {
         self.set.save(folder).map_err(raised)
     }
@@ -187,6 +213,19 @@ impl JudgedSet {
 ///     If list or motion are not what they should be; the attribute ``line`` is that of the list.
 /// OSError
 ///     If the list cannot be opened.
+///
+/// Examples
+/// --------
+/// >>> import pathlib, tempfile
+/// >>> import numpy as np
+/// >>> from somersault import motion
+/// >>> folder, t = pathlib.Path(tempfile.mkdtemp()), np.linspace(0.0, 1.0, 10)
+/// >>> for name in ("one", "two"):
+/// ...     hip = motion.MarkerRecording(["hip"], t, np.outer(t, [1.0, 0.0, 0.5])[:, None])
+/// ...     motion.write_csv(folder / f"{name}.csv", hip)
+/// >>> _ = (folder / "judged.csv").write_text("motion,score\none.csv,7.5\ntwo.csv,8\n")
+/// >>> motion.read_judged(folder / "judged.csv").scores
+/// array([7.5, 8. ])
 #[pyfunction]
 #[pyo3(signature = (
     path, *, unit="m", up="z", forward="x", nan_is_gap=false, longest_gap=0.1, diver=None

@@ -114,6 +114,15 @@ impl MarkerRecording {
     /// ------
     /// InputError
     ///     If there is no marker of this name.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import motion
+    /// >>> points = np.arange(12.0).reshape(2, 2, 3)
+    /// >>> motion.MarkerRecording(["hip", "knee"], [0.0, 0.1], points).track("knee")
+    /// array([[ 3.,  4.,  5.],
+    ///        [ 9., 10., 11.]])
     fn track<'py>(&self, py: Python<'py>, name: &str) -> Result<Bound<'py, PyAny>, Error> {
         let track = self.recording.track(name)?;
         let values = track.flat_map(|p| p.map_or([f64::NAN; 3], Into::into)).collect();
@@ -129,6 +138,14 @@ impl MarkerRecording {
     /// Returns
     /// -------
     /// MarkerRecording
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import motion
+    /// >>> recording = motion.MarkerRecording(["hip", "knee", "toe"], [0.0, 0.1], np.zeros((2, 3, 3)))
+    /// >>> recording.select(["toe", "hip"]).names
+    /// ('toe', 'hip')
     fn select(&self, names: Vec<String>) -> Result<Self, Error> {
         Ok(Self { recording: self.recording.select(&names)? })
     }
@@ -147,6 +164,17 @@ impl MarkerRecording {
     /// Returns
     /// -------
     /// MarkerRecording
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import motion
+    /// >>> t = np.linspace(0.0, 1.0, 5)
+    /// >>> recording = motion.MarkerRecording(["hip"], t, np.outer(t, [1.0, 0.0, 2.0])[:, None])
+    /// >>> recording.resample(n_frames=3).points[:, 0].round(6)
+    /// array([[0. , 0. , 0. ],
+    ///        [0.5, 0. , 1. ],
+    ///        [1. , 0. , 2. ]])
     #[pyo3(signature = (times=None, *, n_frames=None))]
     fn resample(&self, times: Option<&Bound<'_, PyAny>>, n_frames: Option<i128>) -> Result<Self, Error> {
         let times = new_times(self.recording.times(), times, n_frames)?;
@@ -165,6 +193,16 @@ impl MarkerRecording {
     /// Returns
     /// -------
     /// MarkerRecording
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import motion
+    /// >>> t = np.linspace(0.0, 0.5, 6)
+    /// >>> present = np.array([[True], [True], [False], [False], [True], [True]])
+    /// >>> recording = motion.MarkerRecording(["hip"], t, np.outer(t, [1.0, 0.0, 2.0])[:, None], present)
+    /// >>> recording.n_missing, recording.fill_gaps(0.2).n_missing, recording.fill_gaps(0.35).n_missing
+    /// (2, 2, 0)
     fn fill_gaps(&self, longest: f64) -> Result<Self, Error> {
         Ok(Self { recording: self.recording.fill_gaps(longest)? })
     }

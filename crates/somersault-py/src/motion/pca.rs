@@ -80,6 +80,15 @@ impl Pca {
     /// Returns
     /// -------
     /// ndarray, shape (n, n_components)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import motion
+    /// >>> samples = [[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]]
+    /// >>> motion.Pca(samples, 1).scores(samples).round(6)
+    /// array([[-1.414214],
+    ///        [ 0.      ],
+    ///        [ 1.414214]])
     fn scores<'py>(&self, py: Python<'py>, samples: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         Ok(matrix_array(py, &self.pca.scores(&matrix("samples", samples)?)?)?)
     }
@@ -93,6 +102,14 @@ impl Pca {
     /// Returns
     /// -------
     /// ndarray, shape (n, n_features)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import motion
+    /// >>> pca = motion.Pca([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]], 1)
+    /// >>> pca.reconstruct([[0.0], [2.0**0.5]]).round(6)
+    /// array([[1., 1.],
+    ///        [2., 2.]])
     fn reconstruct<'py>(
         &self,
         py: Python<'py>,
@@ -143,6 +160,16 @@ impl Pca {
 /// Returns
 /// -------
 /// Pca
+///
+/// Examples
+/// --------
+/// >>> import numpy as np
+/// >>> from somersault import motion
+/// >>> t = np.linspace(0.0, 1.0, 20)
+/// >>> slow, fast = np.outer(t, [1.0, 0.5]), np.outer(2 * t, [1.0, 0.5])
+/// >>> pca = motion.common_eigenpostures([slow, fast], 1)
+/// >>> pca.components.round(3)
+/// array([[0.894, 0.447]])
 #[pyfunction]
 pub(crate) fn common_eigenpostures(
     py: Python<'_>,
@@ -166,6 +193,15 @@ pub(crate) fn common_eigenpostures(
 /// Returns
 /// -------
 /// list of Pca
+///
+/// Examples
+/// --------
+/// >>> import numpy as np
+/// >>> from somersault import motion
+/// >>> t = np.linspace(0.0, 1.0, 20)
+/// >>> one, other = np.outer(t, [1.0, 0.0]), np.outer(t, [0.0, 1.0])
+/// >>> [pca.components.round(3).tolist() for pca in motion.eigenpostures_per_motion([one, other], 1)]
+/// [[[1.0, 0.0]], [[0.0, 1.0]]]
 #[pyfunction]
 pub(crate) fn eigenpostures_per_motion(
     py: Python<'_>,
@@ -235,6 +271,13 @@ impl Projection {
 /// ------
 /// InputError
 ///     If a posture has another number of coordinates than the base, or is not finite.
+///
+/// Examples
+/// --------
+/// >>> from somersault import motion, ocp
+/// >>> base = ocp.EigenpostureBase([[0.0, 0.0], [1.0, 2.0]])
+/// >>> motion.project(base, [[0.25, 0.5], [1.0, 2.0], [2.0, 4.0]]).weights.round(6).tolist()
+/// [[0.25], [1.0], [1.0]]
 #[pyfunction]
 #[pyo3(signature = (base, postures, *, bounds="simplex"))]
 pub(crate) fn project(

@@ -172,6 +172,29 @@ fn not_an_ending(argument: &str, found: &str) -> Error {
 ///     If the file is no BVH; the message and the attribute ``line`` say where.
 /// OSError
 ///     If the file cannot be opened.
+///
+/// Examples
+/// --------
+/// >>> import io
+/// >>> from somersault import motion
+/// >>> text = '''HIERARCHY
+/// ... ROOT hip
+/// ... {
+/// ...   OFFSET 0 0 0
+/// ...   CHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation
+/// ...   End Site
+/// ...   {
+/// ...     OFFSET 0 -40 0
+/// ...   }
+/// ... }
+/// ... MOTION
+/// ... Frames: 1
+/// ... Frame Time: 0.01
+/// ... 0 90 0 0 0 0
+/// ... '''
+/// >>> recording = motion.read_bvh(io.StringIO(text), unit="cm")
+/// >>> recording.joint_centres().track("hip_end").round(6)
+/// array([[0. , 0. , 0.5]])
 #[pyfunction]
 #[pyo3(signature = (source, *, unit, up="y", forward="z"))]
 pub(crate) fn read_bvh(
@@ -211,6 +234,17 @@ pub(crate) fn read_bvh(
 ///     If the file is no C3D; the message and the attribute ``byte`` say where.
 /// OSError
 ///     If the file cannot be opened.
+///
+/// Examples
+/// --------
+/// >>> import pathlib, tempfile
+/// >>> import numpy as np
+/// >>> from somersault import motion
+/// >>> path = pathlib.Path(tempfile.mkdtemp()) / "walk.c3d"
+/// >>> motion.write_c3d(path, motion.MarkerRecording(["hip"], [0.0, 0.01], np.ones((2, 1, 3))))
+/// >>> motion.read_c3d(path).track("hip").round(6)
+/// array([[1., 1., 1.],
+///        [1., 1., 1.]])
 #[pyfunction]
 #[pyo3(signature = (source, *, unit="mm", up="z", forward="x", nan_is_gap=false))]
 pub(crate) fn read_c3d(
@@ -256,6 +290,16 @@ pub(super) fn warn(py: Python<'_>, message: &str) -> Result<(), Error> {
 ///     If the file is no TRC; the message and the attribute ``line`` say where.
 /// OSError
 ///     If the file cannot be opened.
+///
+/// Examples
+/// --------
+/// >>> import pathlib, tempfile
+/// >>> import numpy as np
+/// >>> from somersault import motion
+/// >>> path = pathlib.Path(tempfile.mkdtemp()) / "walk.trc"
+/// >>> motion.write_trc(path, motion.MarkerRecording(["hip"], [0.0, 0.01], np.ones((2, 1, 3))))
+/// >>> motion.read_trc(path)
+/// <MarkerRecording: 1 markers, 2 frames, 0.010 s, 0 positions missing>
 #[pyfunction]
 #[pyo3(signature = (source, *, up="y", forward="x", nan_is_gap=false))]
 pub(crate) fn read_trc(
@@ -336,6 +380,16 @@ pub(crate) fn read_csv(
 ///     If the file is no such motion; the message and the attribute ``line`` say where.
 /// OSError
 ///     If the file cannot be opened.
+///
+/// Examples
+/// --------
+/// >>> import io, json
+/// >>> from somersault import motion
+/// >>> still = [1.0, 0.0, 0.0, 0.0]
+/// >>> pose = [0.0, 0.9, 0.0, *still, *still, *still, *still, 0.0, *still, *still, 0.0, *still, 0.0, *still, *still, 0.0]
+/// >>> frames = io.StringIO(json.dumps({"Loop": "none", "Frames": [[0.1, *pose], [0.0, *pose]]}))
+/// >>> motion.read_joint_motion(frames)
+/// <SkeletonRecording: 18 joints, 2 frames, 0.100 s>
 #[pyfunction]
 #[pyo3(signature = (source, diver=None))]
 pub(crate) fn read_joint_motion(

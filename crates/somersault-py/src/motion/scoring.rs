@@ -30,6 +30,16 @@ use somersault::motion::scoring::{self, FeatureKind, VectorOptions};
 /// ------
 /// InputError
 ///     If a number is not finite, times do not rise, names repeat, or shapes do not fit.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np
+/// >>> from somersault import motion
+/// >>> t = np.linspace(0.0, 1.5, 60)
+/// >>> hip, knee = np.sin(2.0 * t), np.cos(2.0 * t)
+/// >>> path = np.column_stack([t, 0 * t, 10.0 + 4.0 * t - 4.905 * t**2])
+/// >>> motion.Performance(t, ["hip", "knee"], np.column_stack([hip, knee]), path)
+/// <Performance: 2 features, 1.500 s>
 #[pyclass(frozen, module = "somersault.motion")]
 pub(crate) struct Performance {
     pub(super) performance: scoring::Performance,
@@ -79,6 +89,15 @@ impl Performance {
     /// ------
     /// InputError
     ///     If a marker is missing.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import motion
+    /// >>> t = np.linspace(0.0, 1.0, 10)
+    /// >>> points = np.stack([np.outer(t, [1.0, 0, 0]), np.outer(t, [1.0, 0, 0]) + [0, 0, 0.4]], axis=1)
+    /// >>> motion.Performance.from_markers(motion.MarkerRecording(["knee", "hip"], t, points))
+    /// <Performance: 6 features, 1.000 s>
     #[classmethod]
     fn from_markers(_: &Bound<'_, PyType>, recording: &Bound<'_, MarkerRecording>) -> Result<Self, Error> {
         Ok(Self { performance: scoring::Performance::from_markers(&recording.get().recording)? })
@@ -89,6 +108,15 @@ impl Performance {
     /// Returns
     /// -------
     /// Performance
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import motion
+    /// >>> t = np.linspace(0.0, 1.0, 10)
+    /// >>> dive = motion.Performance(t, ["hip"], np.sin(t)[:, None], np.outer(t, [0, 0, 1.0]))
+    /// >>> dive.labelled_synthetic().synthetic
+    /// True
     fn labelled_synthetic(&self) -> Self {
         Self { performance: self.performance.clone().labelled_synthetic() }
     }
@@ -156,6 +184,12 @@ pub(super) fn performances(motions: &[Bound<'_, Performance>]) -> Vec<scoring::P
 ///     The most that cross-validation may choose.
 /// scale : tuple of float, optional
 ///     Least and greatest score there is; 0 to 10 unless given. Scores outside are refused.
+///
+/// Examples
+/// --------
+/// >>> from somersault import motion
+/// >>> motion.ScoringOptions(n_eigenweights=2, duration=True).duration
+/// True
 #[pyclass(frozen, module = "somersault.motion")]
 #[derive(Clone)]
 pub(crate) struct ScoringOptions {
@@ -311,6 +345,22 @@ impl Score {
 /// InputError
 ///     If there are too few motions, one lacks a marker or is in another unit, scores are not finite or not on the scale, or
 ///     motions have fewer numbers than components are requested.
+///
+/// Examples
+/// --------
+/// Motions that are scored by how far the hip opens, and one more of them:
+///
+/// >>> import numpy as np
+/// >>> from somersault import motion
+/// >>> t = np.linspace(0.0, 1.0, 30)
+/// >>> def dive(opening):
+/// ...     angles = np.column_stack([opening * np.sin(np.pi * t), 0.1 * t])
+/// ...     return motion.Performance(t, ["hip", "knee"], angles, np.outer(t, [0, 0, 1.0]))
+/// >>> openings = np.linspace(1.0, 2.0, 6)
+/// >>> options = motion.ScoringOptions(n_eigenweights=1, n_components=1)
+/// >>> model = motion.ScoringModel([dive(opening) for opening in openings], 3.0 * openings, options)
+/// >>> round(model.score(dive(1.5)).value, 6)
+/// 4.5
 #[pyclass(frozen, module = "somersault.motion")]
 pub(crate) struct ScoringModel {
     model: scoring::ScoringModel,
@@ -371,6 +421,22 @@ impl ScoringModel {
     /// InputError
     ///     If it lacks a name, or its markers are more than twice as far apart as the training motions or less than half: the unit is
     ///     another.
+    ///
+    /// Examples
+    /// --------
+    /// A motion far from those that the model was trained on is marked as outside:
+    ///
+    /// >>> import numpy as np
+    /// >>> from somersault import motion
+    /// >>> t = np.linspace(0.0, 1.0, 30)
+    /// >>> def dive(opening):
+    /// ...     angles = np.column_stack([opening * np.sin(np.pi * t), 0.1 * t])
+    /// ...     return motion.Performance(t, ["hip", "knee"], angles, np.outer(t, [0, 0, 1.0]))
+    /// >>> openings = np.linspace(1.0, 2.0, 6)
+    /// >>> options = motion.ScoringOptions(n_eigenweights=1, n_components=1)
+    /// >>> model = motion.ScoringModel([dive(opening) for opening in openings], 3.0 * openings, options)
+    /// >>> model.score(dive(1.5)).inside, model.score(dive(9.0)).inside
+    /// (True, False)
     fn score(&self, motion: &Bound<'_, Performance>) -> Result<Score, Error> {
         Ok(Score { score: self.model.score(&motion.get().performance)? })
     }
@@ -380,6 +446,21 @@ impl ScoringModel {
     /// Parameters
     /// ----------
     /// path : path
+    ///
+    /// Examples
+    /// --------
+    /// >>> import pathlib, tempfile
+    /// >>> import numpy as np
+    /// >>> from somersault import motion
+    /// >>> t = np.linspace(0.0, 1.0, 30)
+    /// >>> dives = [
+    /// ...     motion.Performance(t, ["hip"], (k * np.sin(np.pi * t))[:, None], np.outer(t, [0, 0, 1.0]))
+    /// ...     for k in range(1, 6)]
+    /// >>> options = motion.ScoringOptions(n_eigenweights=1, n_components=1)
+    /// >>> path = pathlib.Path(tempfile.mkdtemp()) / "model.json"
+    /// >>> motion.ScoringModel(dives, [4.0, 5.0, 6.0, 7.0, 8.0], options).save(path)
+    /// >>> path.stat().st_size > 1000
+    /// True
     fn save(&self, path: &Bound<'_, PyAny>) -> Result<(), Error> {
         let text = self.model.to_json()?;
         let (py, path) = (path.py(), matrix::path("path", path)?);
@@ -403,6 +484,21 @@ impl ScoringModel {
     /// ReadError
     ///     If the file is not such a model or of another version, the message has the line; or if its numbers do not follow
     ///     from each other.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import pathlib, tempfile
+    /// >>> import numpy as np
+    /// >>> from somersault import motion
+    /// >>> t = np.linspace(0.0, 1.0, 30)
+    /// >>> dives = [
+    /// ...     motion.Performance(t, ["hip"], (k * np.sin(np.pi * t))[:, None], np.outer(t, [0, 0, 1.0]))
+    /// ...     for k in range(1, 6)]
+    /// >>> options = motion.ScoringOptions(n_eigenweights=1, n_components=1)
+    /// >>> path = pathlib.Path(tempfile.mkdtemp()) / "model.json"
+    /// >>> motion.ScoringModel(dives, [4.0, 5.0, 6.0, 7.0, 8.0], options).save(path)
+    /// >>> round(motion.ScoringModel.load(path).score(dives[2]).value, 6)
+    /// 6.0
     #[classmethod]
     fn load(_: &Bound<'_, PyType>, path: &Bound<'_, PyAny>) -> Result<Self, Error> {
         let bytes: Vec<u8> = matrix::path("path", path)?.call_method0("read_bytes")?.extract()?;

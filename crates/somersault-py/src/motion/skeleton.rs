@@ -6,7 +6,7 @@ use crate::core::convert::{
     array, components, quaternions, real_numbers, vector_array, vector_or, with_shape,
 };
 use crate::core::error::Error;
-use crate::core::value::{Pickled, by_class, by_restore, value};
+use crate::core::value::{Pickled, brief, by_class, by_restore, value};
 use crate::multibody::model::Model;
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple, PyType};
@@ -26,6 +26,13 @@ use somersault::motion::recording;
 ///     Whether it turns; ends of segments do not.
 /// moves : bool, optional
 ///     Whether it moves in its parent: each frame then has a place that stands for the offset.
+///
+/// Examples
+/// --------
+/// >>> from somersault import motion
+/// >>> knee = motion.SkeletonJoint("knee", parent=0, offset=(0.0, 0.0, -0.4))
+/// >>> knee.offset.tolist(), knee.turns, knee.moves
+/// ([0.0, 0.0, -0.4], True, False)
 #[pyclass(frozen, module = "somersault.motion")]
 pub(crate) struct SkeletonJoint {
     joint: recording::SkeletonJoint,
@@ -63,7 +70,7 @@ impl SkeletonJoint {
     }
 
     fn __repr__(&self) -> String {
-        format!("<SkeletonJoint: {}>", self.joint.name)
+        format!("<SkeletonJoint: {}>", brief(&self.joint.name, 40))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
@@ -96,6 +103,14 @@ impl SkeletonJoint {
 /// ------
 /// InputError
 ///     If the joints make no tree, or names repeat.
+///
+/// Examples
+/// --------
+/// >>> from somersault import motion
+/// >>> hip = motion.SkeletonJoint("hip", moves=True)
+/// >>> knee = motion.SkeletonJoint("knee", 0, (0.0, 0.0, -0.4))
+/// >>> motion.Skeleton([hip, knee])
+/// <Skeleton: 2 joints from 'hip', 2 turn, 1 move>
 #[pyclass(frozen, module = "somersault.motion")]
 #[derive(Clone)]
 pub(crate) struct Skeleton {
@@ -138,6 +153,15 @@ impl Skeleton {
     /// -------
     /// Model
     ///     Bodies are named after the joints; configurations are those of `SkeletonRecording.configurations`.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import motion
+    /// >>> hip = motion.SkeletonJoint("hip", moves=True)
+    /// >>> knee = motion.SkeletonJoint("knee", 0, (0.0, 0.0, -0.4))
+    /// >>> model = motion.Skeleton([hip, knee]).model(60.0)
+    /// >>> model.names, model.n_velocities
+    /// (['hip', 'knee'], 9)
     fn model(&self, mass: f64) -> Result<Model, Error> {
         Ok(Model::of(self.skeleton.model(mass)?))
     }
@@ -147,7 +171,7 @@ impl Skeleton {
         format!(
             "<Skeleton: {} joints from '{}', {} turn, {} move>",
             s.joints().len(),
-            s.joints()[0].name,
+            brief(&s.joints()[0].name, 40),
             s.n_turning(),
             s.n_moving()
         )
@@ -186,6 +210,17 @@ impl Skeleton {
 /// ------
 /// InputError
 ///     If a number is not finite, or times do not rise.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np
+/// >>> from somersault import motion
+/// >>> hip, knee = motion.SkeletonJoint("hip", moves=True), motion.SkeletonJoint("knee", 0, (0.0, 0.0, -0.4))
+/// >>> still = np.tile([0.0, 0.0, 0.0, 1.0], (3, 2, 1))
+/// >>> places = np.array([[[0.0, 0.0, 0.9]], [[0.1, 0.0, 0.9]], [[0.2, 0.0, 0.9]]])
+/// >>> walk = motion.SkeletonRecording(motion.Skeleton([hip, knee]), [0.0, 0.1, 0.2], still, places)
+/// >>> walk.joint_centres().track("knee")[-1].round(6)
+/// array([0.2, 0. , 0.5])
 #[pyclass(frozen, module = "somersault.motion")]
 pub(crate) struct SkeletonRecording {
     pub(crate) recording: recording::SkeletonRecording,
@@ -263,6 +298,20 @@ impl SkeletonRecording {
     /// -------
     /// MarkerRecording
     ///     With a marker for each joint, of its name.
+    ///
+    /// Examples
+    /// --------
+    /// A knee that is bent by 90°:
+    ///
+    /// >>> import numpy as np
+    /// >>> from somersault import motion
+    /// >>> joints = [
+    /// ...     motion.SkeletonJoint("hip", moves=True), motion.SkeletonJoint("knee", 0, (0.0, 0.0, -0.4)),
+    /// ...     motion.SkeletonJoint("ankle", 1, (0.0, 0.0, -0.4), turns=False)]
+    /// >>> turns = [[[0.0, 0.0, 0.0, 1.0], [0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5)]]]
+    /// >>> bent = motion.SkeletonRecording(motion.Skeleton(joints), [0.0], turns, [[[0.0, 0.0, 0.9]]])
+    /// >>> bent.joint_centres().track("ankle").round(6)
+    /// array([[-0.4,  0. ,  0.5]])
     fn joint_centres(&self) -> Result<MarkerRecording, Error> {
         Ok(MarkerRecording { recording: self.recording.joint_centres()? })
     }
@@ -279,6 +328,16 @@ impl SkeletonRecording {
     /// Returns
     /// -------
     /// SkeletonRecording
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import motion
+    /// >>> skeleton = motion.Skeleton([motion.SkeletonJoint("hip", moves=True)])
+    /// >>> still, t = np.tile([0.0, 0.0, 0.0, 1.0], (5, 1, 1)), np.linspace(0.0, 1.0, 5)
+    /// >>> walk = motion.SkeletonRecording(skeleton, t, still, np.outer(t, [1.0, 0.0, 0.0])[:, None])
+    /// >>> walk.resample(n_frames=3).places[:, 0, 0].round(6)
+    /// array([0. , 0.5, 1. ])
     #[pyo3(signature = (times=None, *, n_frames=None))]
     fn resample(&self, times: Option<&Bound<'_, PyAny>>, n_frames: Option<i128>) -> Result<Self, Error> {
         let times = new_times(self.recording.times(), times, n_frames)?;

@@ -37,6 +37,13 @@ use somersault::motion::synthetic::{self, SyntheticOptions};
 /// ------
 /// InputError
 ///     If a number is not finite, or a fraction not below 1.
+///
+/// Examples
+/// --------
+/// >>> from somersault import motion
+/// >>> late = motion.Perturbation(exit_delay=0.05, looseness=0.1)
+/// >>> late.exit_delay, late.over_rotation
+/// (0.05, 0.0)
 #[pyclass(frozen, module = "somersault.motion")]
 #[derive(Clone, Copy)]
 pub(crate) struct Perturbation {
@@ -107,7 +114,7 @@ impl Perturbation {
     }
 
     fn __repr__(&self) -> String {
-        let numbers = self.numbers().map(|(name, number)| format!("{name}={number}"));
+        let numbers = self.numbers().map(|(name, number)| format!("{name}={number:.4}"));
         format!("Perturbation({})", numbers.join(", "))
     }
 }
@@ -147,6 +154,18 @@ impl Perturbation {
 /// ------
 /// InputError
 ///     If the flight cannot be perturbed; the message says why.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np
+/// >>> from somersault import motion, multibody
+/// >>> diver = multibody.diver_planar()
+/// >>> t = np.linspace(0.0, 1.0, 30)
+/// >>> fold = np.sin(np.pi * t)[:, None] ** 2
+/// >>> q = (1 - fold) * diver.configuration("A") + fold * diver.configuration("H")
+/// >>> q[:, 2] = 4.0 * t
+/// >>> motion.SyntheticFlight(diver.model, t, q)
+/// <SyntheticFlight: SYNTHETIC, 10 bodies>
 #[pyclass(frozen, module = "somersault.motion")]
 pub(crate) struct SyntheticFlight {
     flight: synthetic::SyntheticFlight,
@@ -185,6 +204,22 @@ impl SyntheticFlight {
     /// Returns
     /// -------
     /// SyntheticDive
+    ///
+    /// Examples
+    /// --------
+    /// A looser fold of the same somersault, which then takes more angular momentum:
+    ///
+    /// >>> import numpy as np
+    /// >>> from somersault import motion, multibody
+    /// >>> diver = multibody.diver_planar()
+    /// >>> t = np.linspace(0.0, 1.0, 30)
+    /// >>> fold = np.sin(np.pi * t)[:, None] ** 2
+    /// >>> q = (1 - fold) * diver.configuration("A") + fold * diver.configuration("H")
+    /// >>> q[:, 2] = 4.0 * t
+    /// >>> flight = motion.SyntheticFlight(diver.model, t, q)
+    /// >>> loose = flight.perturb(motion.Perturbation(looseness=0.1))
+    /// >>> loose.times.shape, bool(abs(loose.q[-1, 2] - q[-1, 2]) < 0.01)
+    /// ((30,), True)
     fn perturb(
         &self,
         py: Python<'_>,
@@ -289,6 +324,21 @@ impl SyntheticDive {
 /// ------
 /// InputError
 ///     If an argument is out of range, or no such dive can be flown.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np
+/// >>> from somersault import motion, multibody
+/// >>> diver = multibody.diver_planar()
+/// >>> t = np.linspace(0.0, 1.0, 30)
+/// >>> fold = np.sin(np.pi * t)[:, None] ** 2
+/// >>> q = (1 - fold) * diver.configuration("A") + fold * diver.configuration("H")
+/// >>> q[:, 2] = 4.0 * t
+/// >>> flight = motion.SyntheticFlight(diver.model, t, q)
+/// >>> markers = motion.MarkerSet.joint_centres(diver.model)
+/// >>> made = motion.SyntheticSet(flight, markers, n_dives=4, seed=1)
+/// >>> made, bool((made.scores < 10.0).all())
+/// (<SyntheticSet: 4 SYNTHETIC dives>, True)
 #[pyclass(frozen, module = "somersault.motion")]
 pub(crate) struct SyntheticSet {
     model: Py<Model>,
@@ -358,6 +408,20 @@ impl SyntheticSet {
     /// Returns
     /// -------
     /// list of Performance
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import motion, multibody
+    /// >>> diver = multibody.diver_planar()
+    /// >>> t = np.linspace(0.0, 1.0, 30)
+    /// >>> fold = np.sin(np.pi * t)[:, None] ** 2
+    /// >>> q = (1 - fold) * diver.configuration("A") + fold * diver.configuration("H")
+    /// >>> q[:, 2] = 4.0 * t
+    /// >>> flight = motion.SyntheticFlight(diver.model, t, q)
+    /// >>> made = motion.SyntheticSet(flight, motion.MarkerSet.joint_centres(diver.model), n_dives=2, seed=1)
+    /// >>> [performance.synthetic for performance in made.performances()]
+    /// [True, True]
     fn performances(&self) -> Result<Vec<Performance>, Error> {
         let found = self.set.performances()?;
         Ok(found.into_iter().map(|performance| Performance { performance }).collect())
@@ -368,6 +432,20 @@ impl SyntheticSet {
     /// Returns
     /// -------
     /// JudgedSet
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import motion, multibody
+    /// >>> diver = multibody.diver_planar()
+    /// >>> t = np.linspace(0.0, 1.0, 30)
+    /// >>> fold = np.sin(np.pi * t)[:, None] ** 2
+    /// >>> q = (1 - fold) * diver.configuration("A") + fold * diver.configuration("H")
+    /// >>> q[:, 2] = 4.0 * t
+    /// >>> flight = motion.SyntheticFlight(diver.model, t, q)
+    /// >>> made = motion.SyntheticSet(flight, motion.MarkerSet.joint_centres(diver.model), n_dives=2, seed=1)
+    /// >>> made.judged_set()
+    /// <JudgedSet: 2 motions, 2 of them SYNTHETIC>
     fn judged_set(&self) -> JudgedSet {
         JudgedSet { set: self.set.judged_set() }
     }

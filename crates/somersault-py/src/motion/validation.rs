@@ -4,7 +4,7 @@ use super::matrix::{self, count, numbers_array};
 use super::scoring::{Performance, ScoringOptions, performances};
 use crate::core::convert::{a_type, entries, real_numbers, with_shape};
 use crate::core::error::Error;
-use crate::core::value::{Pickled, by_restore, value};
+use crate::core::value::{Pickled, brief, by_restore, value};
 use crate::core::waiting::leave_on_signal;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyType};
@@ -86,7 +86,7 @@ impl Baseline {
     }
 
     fn __repr__(&self) -> String {
-        format!("<Baseline: {}, rms error {:.3}>", self.baseline.name, self.baseline.rms_error)
+        format!("<Baseline: {}, rms error {:.3}>", brief(&self.baseline.name, 40), self.baseline.rms_error)
     }
 }
 
@@ -193,6 +193,20 @@ impl Validation {
 /// ------
 /// InputError
 ///     If there are too few motions, or an argument is not allowed.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np
+/// >>> from somersault import motion
+/// >>> t = np.linspace(0.0, 1.0, 20)
+/// >>> openings = np.linspace(1.0, 2.0, 8)
+/// >>> dives = [
+/// ...     motion.Performance(t, ["hip"], (k * np.sin(np.pi * t))[:, None], np.outer(t, [0, 0, 1.0]))
+/// ...     for k in openings]
+/// >>> options = motion.ScoringOptions(n_frames=10, n_eigenweights=1, n_components=1)
+/// >>> found = motion.validate(dives, 3.0 * openings, options, n_resamples=20)
+/// >>> found.rms_error < 0.01
+/// True
 #[pyfunction]
 #[pyo3(signature = (motions, scores, options=None, *, n_resamples=1000, level=0.95, seed=0, features=None))]
 pub(crate) fn validate(
@@ -234,6 +248,12 @@ pub(crate) fn validate(
 /// Returns
 /// -------
 /// float
+///
+/// Examples
+/// --------
+/// >>> from somersault import motion
+/// >>> round(motion.pearson([1.0, 2.0, 3.0], [2.0, 4.0, 7.0]), 4)
+/// 0.9934
 #[pyfunction]
 pub(crate) fn pearson(x: &Bound<'_, PyAny>, y: &Bound<'_, PyAny>) -> Result<f64, Error> {
     let (x, y) = pair(x, y)?;
@@ -249,6 +269,12 @@ pub(crate) fn pearson(x: &Bound<'_, PyAny>, y: &Bound<'_, PyAny>) -> Result<f64,
 /// Returns
 /// -------
 /// float
+///
+/// Examples
+/// --------
+/// >>> from somersault import motion
+/// >>> motion.spearman([1.0, 2.0, 3.0], [2.0, 4.0, 70.0])
+/// 1.0
 #[pyfunction]
 pub(crate) fn spearman(x: &Bound<'_, PyAny>, y: &Bound<'_, PyAny>) -> Result<f64, Error> {
     let (x, y) = pair(x, y)?;

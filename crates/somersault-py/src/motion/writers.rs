@@ -29,6 +29,16 @@ fn put(path: &Bound<'_, PyAny>, bytes: &[u8]) -> Result<(), Error> {
 /// ------
 /// WriteError
 ///     If a name cannot stand in the format, or a length in this unit is beyond the greatest number.
+///
+/// Examples
+/// --------
+/// >>> import pathlib, tempfile
+/// >>> import numpy as np
+/// >>> from somersault import motion
+/// >>> path = pathlib.Path(tempfile.mkdtemp()) / "walk.csv"
+/// >>> motion.write_csv(path, motion.MarkerRecording(["hip"], [0.0, 0.01], np.ones((2, 1, 3))))
+/// >>> path.read_text().splitlines()[0]
+/// 'time,hip_x,hip_y,hip_z'
 #[pyfunction]
 #[pyo3(signature = (path, recording, *, unit="m", up="z", forward="x"))]
 pub(crate) fn write_csv(
@@ -56,6 +66,17 @@ pub(crate) fn write_csv(
 /// ------
 /// WriteError
 ///     If a name cannot stand in the format, or a length in this unit is beyond the greatest number.
+///
+/// Examples
+/// --------
+/// >>> import pathlib, tempfile
+/// >>> import numpy as np
+/// >>> from somersault import motion
+/// >>> path = pathlib.Path(tempfile.mkdtemp()) / "walk.trc"
+/// >>> motion.write_trc(path, motion.MarkerRecording(["hip"], [0.0, 0.01], np.ones((2, 1, 3))), unit="m")
+/// >>> motion.read_file(path).track("hip").round(6)
+/// array([[1., 1., 1.],
+///        [1., 1., 1.]])
 #[pyfunction]
 #[pyo3(signature = (path, recording, *, unit="mm", up="y", forward="x"))]
 pub(crate) fn write_trc(
@@ -92,6 +113,16 @@ pub(crate) fn write_trc(
 /// WriteError
 ///     If frames are not at equal times, there is more than the format can count, or a length in this unit is beyond
 ///     single precision.
+///
+/// Examples
+/// --------
+/// >>> import pathlib, tempfile
+/// >>> import numpy as np
+/// >>> from somersault import motion
+/// >>> path = pathlib.Path(tempfile.mkdtemp()) / "walk.c3d"
+/// >>> motion.write_c3d(path, motion.MarkerRecording(["hip"], [0.0, 0.01], np.ones((2, 1, 3))))
+/// >>> motion.read_file(path)
+/// <MarkerRecording: 1 markers, 2 frames, 0.010 s, 0 positions missing>
 #[pyfunction]
 #[pyo3(signature = (path, recording, *, unit="mm", up="z", forward="x"))]
 pub(crate) fn write_c3d(
@@ -125,6 +156,19 @@ pub(crate) fn write_c3d(
 /// WriteError
 ///     If frames are not at equal times, a name cannot stand in the format, or no joint turns or moves: such a
 ///     skeleton has no channels.
+///
+/// Examples
+/// --------
+/// >>> import pathlib, tempfile
+/// >>> import numpy as np
+/// >>> from somersault import motion
+/// >>> path = pathlib.Path(tempfile.mkdtemp()) / "walk.bvh"
+/// >>> skeleton = motion.Skeleton([motion.SkeletonJoint("hip", moves=True)])
+/// >>> still = np.tile([0.0, 0.0, 0.0, 1.0], (2, 1, 1))
+/// >>> walk = motion.SkeletonRecording(skeleton, [0.0, 0.1], still, [[[0.0, 0.0, 0.9]], [[0.1, 0.0, 0.9]]])
+/// >>> motion.write_bvh(path, walk, unit="cm")
+/// >>> motion.read_file(path, unit="cm")
+/// <SkeletonRecording: 1 joints, 2 frames, 0.100 s>
 #[pyfunction]
 #[pyo3(signature = (path, recording, *, unit, up="y", forward="z"))]
 pub(crate) fn write_bvh(
@@ -153,6 +197,18 @@ pub(crate) fn write_bvh(
 /// ------
 /// WriteError
 ///     If a joint is not that of the format, or a knee or elbow turns about more than the lateral axis.
+///
+/// Examples
+/// --------
+/// >>> import io, json, pathlib, tempfile
+/// >>> from somersault import motion
+/// >>> still = [1.0, 0.0, 0.0, 0.0]
+/// >>> pose = [0.0, 0.9, 0.0, *still, *still, *still, *still, 0.0, *still, *still, 0.0, *still, 0.0, *still, *still, 0.0]
+/// >>> frames = io.StringIO(json.dumps({"Loop": "none", "Frames": [[0.1, *pose], [0.0, *pose]]}))
+/// >>> path = pathlib.Path(tempfile.mkdtemp()) / "stand.json"
+/// >>> motion.write_joint_motion(path, motion.read_joint_motion(frames))
+/// >>> len(json.loads(path.read_text())["Frames"][0])
+/// 44
 #[pyfunction]
 pub(crate) fn write_joint_motion(
     path: &Bound<'_, PyAny>,

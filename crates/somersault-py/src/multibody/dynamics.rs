@@ -43,6 +43,15 @@ impl Model {
     /// -------
     /// ndarray, shape (..., n_velocities)
     ///     Forces, N for linear and N m for angular degrees of freedom.
+    ///
+    /// Examples
+    /// --------
+    /// The forces that move a cart at 1 m/s² while its pole stays upright:
+    ///
+    /// >>> from somersault import multibody
+    /// >>> pole = multibody.cart_pendulum(cart_mass=2.0, mass=1.0)
+    /// >>> pole.inverse_dynamics([0.0, 0.0], [0.0, 0.0], [1.0, 0.0])
+    /// array([ 3., -1.])
     #[pyo3(signature = (q, v, a, wrenches=None))]
     fn inverse_dynamics<'py>(
         &self,
@@ -80,6 +89,13 @@ impl Model {
     /// ------
     /// DynamicsError
     ///     If some motion of a joint moves no mass.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import multibody
+    /// >>> pole = multibody.cart_pendulum(cart_mass=2.0, mass=1.0)
+    /// >>> pole.forward_dynamics([0.0, 0.0], [0.0, 0.0], [6.0, 0.0])
+    /// array([3., 3.])
     #[pyo3(signature = (q, v, torque, wrenches=None))]
     fn forward_dynamics<'py>(
         &self,
@@ -124,6 +140,16 @@ impl Model {
     /// ------
     /// DynamicsError
     ///     If some motion of a passive joint moves no mass.
+    ///
+    /// Examples
+    /// --------
+    /// The cart is moved at 1 m/s²; what force it takes, and how the pole falls:
+    ///
+    /// >>> from somersault import multibody
+    /// >>> pole = multibody.cart_pendulum(cart_mass=2.0, mass=1.0)
+    /// >>> a, torque = pole.hybrid_dynamics([0.0, 0.0], [0.0, 0.0], [1.0, 0.0], [0.0, 0.0], ["cart"])
+    /// >>> a.round(6), torque.round(6)
+    /// (array([1., 1.]), array([2., 0.]))
     #[pyo3(signature = (q, v, a, torque, active, wrenches=None))]
     fn hybrid_dynamics<'py>(
         &self,
@@ -161,6 +187,14 @@ impl Model {
     /// Returns
     /// -------
     /// ndarray, shape (..., n_velocities, n_velocities)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import multibody
+    /// >>> arm = multibody.two_link_arm(masses=(3.0, 3.0), lengths=(1.0, 1.0))
+    /// >>> arm.mass_matrix([0.0, 0.0]).round(3)
+    /// array([[8. , 2.5],
+    ///        [2.5, 1. ]])
     fn mass_matrix<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         let (q, n) = (self.q("q", q)?, self.model.n_velocities());
         let m = self.map(py, [&q], n * n, |w, [q], out| {
@@ -181,6 +215,13 @@ impl Model {
     /// Returns
     /// -------
     /// ndarray, shape (..., n_velocities)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import multibody
+    /// >>> arm = multibody.two_link_arm(damping=(0.2, 0.1))
+    /// >>> arm.bias([0.0, 0.0], [1.0, 2.0]).round(6)
+    /// array([0.2, 0.2])
     fn bias<'py>(
         &self,
         py: Python<'py>,
@@ -205,6 +246,13 @@ impl Model {
     /// Returns
     /// -------
     /// ndarray, shape (..., n_velocities)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault.multibody import Link, Model
+    /// >>> pendulum = Model([Link("bob", "revolute", axis=(0, -1, 0), mass=2.0, center=(0.5, 0, 0))])
+    /// >>> pendulum.gravity_forces([0.0])
+    /// array([9.81])
     fn gravity_forces<'py>(
         &self,
         py: Python<'py>,

@@ -42,6 +42,14 @@ impl Model {
     /// Returns
     /// -------
     /// ndarray, shape (..., 6, n_velocities)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import multibody
+    /// >>> arm = multibody.two_link_arm(lengths=(1.0, 1.0))
+    /// >>> arm.jacobian([0.0, 0.0], "lower", point=(1.0, 0.0, 0.0))[:2].round(6)
+    /// array([[0., 0.],
+    ///        [2., 1.]])
     #[pyo3(signature = (q, body, *, point=None, orientation=None, axes="world"))]
     fn jacobian<'py>(
         &self,
@@ -79,6 +87,14 @@ impl Model {
     /// Returns
     /// -------
     /// ndarray, shape (..., n_bodies, 4, 4)
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import multibody
+    /// >>> arm = multibody.two_link_arm(lengths=(1.0, 1.0))
+    /// >>> arm.poses([np.pi / 2, 0.0])[1, :3, 3].round(6)
+    /// array([0., 1., 0.])
     fn poses<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         let (q, n) = (self.q("q", q)?, self.model.n_bodies());
         let poses = self.map(py, [&q], 16 * n, |w, [q], out| {
@@ -108,6 +124,13 @@ impl Model {
     /// Returns
     /// -------
     /// ndarray, shape (..., n_bodies, 6)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import multibody
+    /// >>> arm = multibody.two_link_arm(lengths=(1.0, 1.0))
+    /// >>> arm.velocities([0.0, 0.0], [2.0, 0.0])[1].round(6)
+    /// array([0., 2., 0., 0., 0., 2.])
     fn velocities<'py>(
         &self,
         py: Python<'py>,
@@ -138,6 +161,13 @@ impl Model {
     /// Returns
     /// -------
     /// ndarray, shape (..., n_bodies, 6)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import multibody
+    /// >>> arm = multibody.two_link_arm(lengths=(1.0, 1.0))
+    /// >>> arm.accelerations([0.0, 0.0], [0.0, 0.0], [2.0, 0.0])[1].round(6)
+    /// array([0., 2., 0., 0., 0., 2.])
     fn accelerations<'py>(
         &self,
         py: Python<'py>,
@@ -166,6 +196,13 @@ impl Model {
     /// Returns
     /// -------
     /// ndarray, shape (..., 3)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import multibody
+    /// >>> arm = multibody.two_link_arm(masses=(1.0, 1.0), lengths=(1.0, 1.0))
+    /// >>> arm.center_of_mass([0.0, 0.0])
+    /// array([1., 0., 0.])
     fn center_of_mass<'py>(
         &self,
         py: Python<'py>,
@@ -189,6 +226,13 @@ impl Model {
     /// Returns
     /// -------
     /// ndarray, shape (..., 6)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import multibody
+    /// >>> arm = multibody.two_link_arm(masses=(1.0, 1.0), lengths=(1.0, 1.0))
+    /// >>> arm.centroidal_momentum([0.0, 0.0], [1.0, 0.0]).round(6)
+    /// array([0.      , 2.      , 0.      , 0.      , 0.      , 0.666667])
     fn centroidal_momentum<'py>(
         &self,
         py: Python<'py>,
@@ -215,6 +259,14 @@ impl Model {
     /// Returns
     /// -------
     /// ndarray, shape (..., 6, n_velocities)
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import multibody
+    /// >>> arm, q, v = multibody.two_link_arm(), [0.1, 0.2], np.array([1.0, -2.0])
+    /// >>> np.allclose(arm.centroidal_matrix(q) @ v, arm.centroidal_momentum(q, v))
+    /// True
     fn centroidal_matrix<'py>(
         &self,
         py: Python<'py>,
@@ -238,6 +290,17 @@ impl Model {
     /// Returns
     /// -------
     /// float or ndarray, shape (n,)
+    ///
+    /// Examples
+    /// --------
+    /// One configuration, or many at once:
+    ///
+    /// >>> from somersault import multibody
+    /// >>> cart = multibody.cart_pendulum(cart_mass=2.0, mass=1.0)
+    /// >>> cart.kinetic_energy([0.0, 0.0], [2.0, 0.0])
+    /// 6.0
+    /// >>> cart.kinetic_energy([0.0, 0.0], [[0.0, 0.0], [1.0, 0.0], [2.0, 0.0]])
+    /// array([0. , 1.5, 6. ])
     fn kinetic_energy<'py>(
         &self,
         py: Python<'py>,
@@ -262,6 +325,14 @@ impl Model {
     /// Returns
     /// -------
     /// float or ndarray, shape (n,)
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import multibody
+    /// >>> cart = multibody.cart_pendulum(mass=1.0, length=1.0)
+    /// >>> cart.potential_energy([[0.0, 0.0], [0.0, np.pi]]).round(6)
+    /// array([ 9.81, -9.81])
     fn potential_energy<'py>(
         &self,
         py: Python<'py>,

@@ -5,7 +5,7 @@ use crate::core::convert::{
     vector_array,
 };
 use crate::core::error::Error;
-use crate::core::value::{Pickled, by_restore, value};
+use crate::core::value::{Pickled, brief, by_restore, value};
 use crate::integrators::bodies::RigidBody;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
@@ -175,9 +175,9 @@ impl Link {
     }
 
     fn __repr__(&self) -> String {
-        let mut text = format!("Link('{}', '{}'", self.name(), self.joint());
+        let mut text = format!("Link('{}', '{}'", brief(self.name(), 40), self.joint());
         if let Some(parent) = self.parent() {
-            text += &format!(", parent='{parent}'");
+            text += &format!(", parent='{}'", brief(parent, 40));
         }
         if let Some(axis) = self.0.joint().axis() {
             text += &format!(", axis={:?}", axis.as_slice());

@@ -9,7 +9,7 @@ pub(crate) mod models;
 pub(crate) mod motion;
 pub(crate) mod partials;
 pub(crate) mod robot;
-pub(crate) mod urdf;
+pub(crate) mod source;
 
 /// Articulated bodies and their dynamics.
 #[pyo3::pymodule(name = "multibody", module = "somersault._somersault", submodule)]

@@ -3,7 +3,7 @@
 use crate::core::convert::{a_type, sequence, vector_array, vector_or};
 use crate::core::error::{Error, did_you_mean};
 use crate::core::rows::{self, Results, Rows, Workspaces};
-use crate::core::value::{Pickled, by_restore, value};
+use crate::core::value::{Pickled, brief, by_restore, value};
 use crate::multibody::link::Link;
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PySlice, PyType};
@@ -209,6 +209,12 @@ impl Model {
     /// ------
     /// InputError
     ///     If no body has this name.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import multibody
+    /// >>> multibody.cart_pendulum().body("pendulum")
+    /// 1
     fn body(&self, name: &str) -> Result<usize, Error> {
         self.body_of(name)
     }
@@ -223,6 +229,13 @@ impl Model {
     /// Returns
     /// -------
     /// slice
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import multibody
+    /// >>> model = multibody.diver_planar().model
+    /// >>> model.positions_of("thigh")
+    /// slice(4, 5, 1)
     fn positions_of<'py>(&self, py: Python<'py>, body: Which) -> Result<Bound<'py, PySlice>, Error> {
         Ok(slice(py, self.model.positions_of(self.which(body)?)))
     }
@@ -237,6 +250,12 @@ impl Model {
     /// Returns
     /// -------
     /// slice
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import multibody
+    /// >>> multibody.cart_pendulum().velocities_of("pendulum")
+    /// slice(1, 2, 1)
     fn velocities_of<'py>(&self, py: Python<'py>, body: Which) -> Result<Bound<'py, PySlice>, Error> {
         Ok(slice(py, self.model.velocities_of(self.which(body)?)))
     }
@@ -246,6 +265,12 @@ impl Model {
     /// Returns
     /// -------
     /// ndarray, shape (n_positions,)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault.multibody import Link, Model
+    /// >>> Model([Link("satellite", "free", mass=1.0, inertia=(1, 1, 1))]).neutral()
+    /// array([0., 0., 0., 0., 0., 0., 1.])
     fn neutral<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
         numpy::PyArray1::from_vec(py, self.model.neutral()).into_any()
     }
@@ -263,6 +288,13 @@ impl Model {
     /// Returns
     /// -------
     /// ndarray, shape (n_positions,)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import multibody
+    /// >>> arm = multibody.two_link_arm()
+    /// >>> bool((arm.random(seed=1) == arm.random(seed=1)).all())
+    /// True
     #[pyo3(signature = (seed=None))]
     fn random<'py>(&self, py: Python<'py>, seed: Option<Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyAny>> {
         let random = py.import("numpy.random")?.call_method1("default_rng", (seed,))?;
@@ -310,6 +342,17 @@ impl Model {
     /// Returns
     /// -------
     /// ndarray, shape (..., n_positions)
+    ///
+    /// Examples
+    /// --------
+    /// A quarter turn about the own x axis:
+    ///
+    /// >>> import numpy as np
+    /// >>> from somersault.multibody import Link, Model
+    /// >>> satellite = Model([Link("satellite", "free", mass=1.0, inertia=(1, 1, 1))])
+    /// >>> satellite.displace(satellite.neutral(), [0, 0, 0, np.pi / 2, 0, 0]).round(6)
+    /// array([0.      , 0.      , 0.      , 0.707107, 0.      , 0.      ,
+    ///        0.707107])
     fn displace<'py>(
         &self,
         py: Python<'py>,
@@ -334,6 +377,15 @@ impl Model {
     /// Returns
     /// -------
     /// ndarray, shape (..., n_velocities)
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault.multibody import Link, Model
+    /// >>> satellite = Model([Link("satellite", "free", mass=1.0, inertia=(1, 1, 1))])
+    /// >>> turned = [0.0, 0.0, 0.0, 0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]
+    /// >>> satellite.difference(satellite.neutral(), turned).round(6)
+    /// array([0.      , 0.      , 0.      , 0.      , 0.      , 1.570796])
     fn difference<'py>(
         &self,
         py: Python<'py>,
@@ -356,6 +408,13 @@ impl Model {
     /// Returns
     /// -------
     /// ndarray, shape (..., n_positions)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault.multibody import Link, Model
+    /// >>> ball = Model([Link("ball", "spherical", mass=1.0, inertia=(1, 1, 1))])
+    /// >>> ball.normalize([0.0, 0.0, 0.0, 2.0])
+    /// array([0., 0., 0., 1.])
     fn normalize<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         let n = self.model.n_positions();
         let q = Rows::extract("q", &[n], q)?;
@@ -368,7 +427,7 @@ impl Model {
 
     fn __repr__(&self) -> String {
         let (bodies, n) = (self.model.n_bodies(), self.model.n_velocities());
-        let root = self.model.name(0).unwrap_or_default();
+        let root = brief(self.model.name(0).unwrap_or_default(), 40);
         format!("<Model: {bodies} bodies from '{root}', {n} degrees of freedom, {} kg>", self.model.mass())
     }
 

@@ -66,6 +66,15 @@ impl Diver {
     /// ------
     /// InputError
     ///     If there is no such posture, or it is not one in the plane.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import multibody
+    /// >>> diver = multibody.diver_planar()
+    /// >>> straight, pike = diver.configuration("A"), diver.configuration("H")
+    /// >>> hip = diver.model.positions_of("thigh")
+    /// >>> (pike - straight)[hip].round(2)
+    /// array([2.09])
     fn configuration<'py>(&self, py: Python<'py>, posture: &str) -> Result<Bound<'py, PyAny>, Error> {
         let q = self.diver.configuration(posture.parse()?)?;
         Ok(numpy::PyArray1::from_vec(py, q).into_any())
@@ -150,6 +159,13 @@ functions! {
     /// -------
     /// Model
     ///     Bodies ``'upper'`` and ``'lower'``.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import multibody
+    /// >>> arm = multibody.two_link_arm(masses=(1.0, 0.5), lengths=(0.4, 0.3))
+    /// >>> arm.names, arm.mass
+    /// (['upper', 'lower'], 1.5)
     #[pyo3(signature = (masses=[0.5, 0.5], lengths=[2.0, 0.5], damping=[0.2, 0.0]))]
     fn two_link_arm(masses: [f64; 2], lengths: [f64; 2], damping: [f64; 2]) -> Result<Model, Error> {
         Ok(Model::of(TwoLinkArm { masses, lengths, damping }.model()?))
@@ -194,6 +210,13 @@ functions! {
     /// Returns
     /// -------
     /// Diver
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import multibody
+    /// >>> diver = multibody.diver_spatial(mass=58.0, height=1.62)
+    /// >>> diver.model.n_velocities, round(diver.model.mass, 6)
+    /// (27, 58.0)
     #[pyo3(signature = (mass=65.0, height=1.7, gravity=9.81))]
     fn diver_spatial(py: Python<'_>, mass: f64, height: f64, gravity: f64) -> Result<Diver, Error> {
         Diver::of(py, models::Diver { mass, height, gravity, ..models::Diver::spatial() })

@@ -102,6 +102,15 @@ fn rows(model: &multibody::Model, states: &[TreeState]) -> Result<(Vec<f64>, Vec
 ///
 /// Called with a number it gives (q, v); called with n times, arrays with n rows each. Its curves are not written to
 /// files or pickles; arrays are.
+///
+/// Examples
+/// --------
+/// >>> from somersault import multibody
+/// >>> cart = multibody.cart_pendulum()
+/// >>> motion = multibody.integrate_tree(cart, [0.0, 0.1], [0.0, 0.0], (0.0, 1.0), dt=0.1, dense_output=True)
+/// >>> q, v = motion.sol([0.25, 0.55])
+/// >>> q.shape
+/// (2, 2)
 #[pyclass(frozen, module = "somersault.multibody")]
 pub(crate) struct TreeDenseOutput {
     model: Py<Model>,

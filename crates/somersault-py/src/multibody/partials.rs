@@ -47,6 +47,16 @@ impl Model {
     ///     ∂τ/∂q and ∂τ/∂v.
     /// torque_a : ndarray, shape (..., n_velocities, n_velocities)
     ///     ∂τ/∂a, the mass matrix.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import multibody
+    /// >>> arm = multibody.two_link_arm()
+    /// >>> q, v, a = [0.1, 0.2], [1.0, -1.0], [0.5, 0.0]
+    /// >>> torque, torque_q, torque_v, torque_a = arm.inverse_dynamics_partials(q, v, a)
+    /// >>> np.allclose(torque, arm.inverse_dynamics(q, v, a)), np.allclose(torque_a, arm.mass_matrix(q))
+    /// (True, True)
     #[pyo3(signature = (q, v, a, wrenches=None))]
     fn inverse_dynamics_partials<'py>(
         &self,
@@ -88,6 +98,20 @@ impl Model {
     ///     ∂a/∂q and ∂a/∂v.
     /// a_torque : ndarray, shape (..., n_velocities, n_velocities)
     ///     ∂a/∂τ, the inverse of the mass matrix.
+    ///
+    /// Examples
+    /// --------
+    /// The pole on a cart, linearised about the upright:
+    ///
+    /// >>> from somersault import multibody
+    /// >>> pole = multibody.cart_pendulum()
+    /// >>> a, a_q, a_v, a_torque = pole.forward_dynamics_partials([0.0, 0.0], [0.0, 0.0], [0.0, 0.0])
+    /// >>> a_q.round(4)
+    /// array([[ 0.   ,  4.905],
+    ///        [ 0.   , 14.715]])
+    /// >>> a_torque.round(4)
+    /// array([[0.5, 0.5],
+    ///        [0.5, 1.5]])
     #[pyo3(signature = (q, v, torque, wrenches=None))]
     fn forward_dynamics_partials<'py>(
         &self,
@@ -132,6 +156,16 @@ impl Model {
     ///     Of each degree of freedom the acceleration if it is passive, the joint force if it is active.
     /// found_q, found_v, found_known : ndarray, shape (..., n_velocities, n_velocities)
     ///     Its derivatives with respect to q, v and what was known.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import multibody
+    /// >>> pole = multibody.cart_pendulum()
+    /// >>> found, found_q, found_v, found_known = pole.hybrid_dynamics_partials(
+    /// ...     [0.0, 0.0], [0.0, 0.0], [1.0, 0.0], ["cart"])
+    /// >>> found.round(4), found_known.round(4)
+    /// (array([2., 1.]), array([[ 2., -1.],
+    ///        [ 1.,  1.]]))
     #[pyo3(signature = (q, v, known, active, wrenches=None))]
     fn hybrid_dynamics_partials<'py>(
         &self,
@@ -174,6 +208,15 @@ impl Model {
     ///     Linear momentum, and angular momentum about the centre of mass, world axes.
     /// momentum_q, momentum_v : ndarray, shape (..., 6, n_velocities)
     ///     Its derivatives with respect to q and v; the latter is `centroidal_matrix`.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import multibody
+    /// >>> arm, q, v = multibody.two_link_arm(), [0.1, 0.2], [1.0, -2.0]
+    /// >>> center, center_q, momentum, momentum_q, momentum_v = arm.momentum_partials(q, v)
+    /// >>> np.allclose(momentum_v, arm.centroidal_matrix(q)), center_q.shape
+    /// (True, (3, 2))
     fn momentum_partials<'py>(
         &self,
         py: Python<'py>,

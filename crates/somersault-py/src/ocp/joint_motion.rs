@@ -61,6 +61,13 @@ impl EigenpostureBase {
     /// Returns
     /// -------
     /// ndarray, shape (n_joints,)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ocp
+    /// >>> base = ocp.EigenpostureBase([[0.0, 0.0], [1.0, 2.0], [0.0, 1.0]])
+    /// >>> base.positions([0.5, 0.5])
+    /// array([0.5, 1.5])
     fn positions<'py>(
         &self,
         py: Python<'py>,
@@ -83,6 +90,14 @@ impl EigenpostureBase {
     /// weights : ndarray, shape (n_weights,)
     /// distance : float
     ///     What remains, rad.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ocp
+    /// >>> base = ocp.EigenpostureBase([[0.0, 0.0], [3.0, 4.0]])
+    /// >>> weights, distance = base.project([3.0, 4.0])
+    /// >>> weights.round(6), round(distance, 6)
+    /// (array([1.]), 0.0)
     fn project<'py>(
         &self,
         py: Python<'py>,
@@ -138,6 +153,8 @@ impl EigenpostureBase {
 /// >>> motion = ocp.SplineMotion(1, 10, [("start", 0, -1.0), ("start", 1, 0.0)])
 /// >>> motion.n_parameters
 /// 8
+/// >>> motion([0.5] * 8, 0.0).round(6)
+/// array([-1.])
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct SplineMotion {
     pub(crate) motion: joint_motion::SplineMotion,
@@ -257,6 +274,13 @@ impl SplineMotion {
     /// Returns
     /// -------
     /// ndarray, shape (n_channels, n_coefficients)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ocp
+    /// >>> motion = ocp.SplineMotion(1, 6, [("start", 0, 0.0), ("finish", 0, 1.0)])
+    /// >>> motion.coefficients([0.0] * motion.n_parameters).shape
+    /// (1, 6)
     fn coefficients<'py>(
         &self,
         py: Python<'py>,
@@ -311,6 +335,15 @@ impl SplineMotion {
     /// Returns
     /// -------
     /// ndarray, shape (n_parameters,)
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import ocp
+    /// >>> motion, t = ocp.SplineMotion(1, 12), np.linspace(0.0, 1.0, 50)
+    /// >>> parameters = motion.fit(t, np.sin(3.0 * t)[:, None])
+    /// >>> bool(abs(motion(parameters, 0.5)[0] - np.sin(1.5)) < 1e-4)
+    /// True
     fn fit<'py>(
         &self,
         py: Python<'py>,

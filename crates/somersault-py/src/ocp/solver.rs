@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 
 /// Result of a solver: always the best iterate, with its residuals and its verification by an accurate integration.
 ///
-/// The motion is re-integrated when `verification`, `confirmed`, `message` or the text of the report is first requested.
+/// The motion is re-integrated when `verification`, `confirmed` or `message` is first requested, not to print the report.
 /// Ctrl-C ends that with a KeyboardInterrupt; the report stays, and integrates again when it is asked again.
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct Report {

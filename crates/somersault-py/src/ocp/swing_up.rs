@@ -215,6 +215,12 @@ impl CartPendulumProblem {
     /// Returns
     /// -------
     /// CartPendulumProblem
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ocp
+    /// >>> ocp.CartPendulumProblem.case("C").n_variables
+    /// 15
     #[classmethod]
     fn case(_: &Bound<'_, PyType>, name: &str) -> Result<Self, Error> {
         let p = match name {
@@ -243,6 +249,15 @@ impl CartPendulumProblem {
     /// Returns
     /// -------
     /// float
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import ocp
+    /// >>> problem = ocp.CartPendulumProblem()
+    /// >>> best = problem.solve().z
+    /// >>> round(problem.cost(best), 2), problem.cost(best) < problem.cost(np.zeros(5))
+    /// (478.39, True)
     fn cost(&self, z: &Bound<'_, PyAny>) -> Result<f64, Error> {
         let z = self.variables(z)?;
         self.single.clone().evaluate(&z, &mut []).map_err(|error| Error::evaluation(error.to_string()))
@@ -257,6 +272,15 @@ impl CartPendulumProblem {
     /// Returns
     /// -------
     /// ndarray, shape (n_variables,)
+    ///
+    /// Examples
+    /// --------
+    /// It vanishes at a solution:
+    ///
+    /// >>> from somersault import ocp
+    /// >>> problem = ocp.CartPendulumProblem()
+    /// >>> bool(abs(problem.gradient(problem.solve().z)).max() < 1e-3)
+    /// True
     fn gradient<'py>(&self, py: Python<'py>, z: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         let z = self.variables(z)?;
         let (mut nlp, mut gradient) = (self.single.clone(), vec![0.0; z.len()]);
@@ -275,6 +299,16 @@ impl CartPendulumProblem {
     /// Returns
     /// -------
     /// ndarray, shape (n_variables, n_variables)
+    ///
+    /// Examples
+    /// --------
+    /// It is positive definite at a minimum:
+    ///
+    /// >>> import numpy as np
+    /// >>> from somersault import ocp
+    /// >>> problem = ocp.CartPendulumProblem()
+    /// >>> bool((np.linalg.eigvalsh(problem.hessian(problem.solve().z)) > 0.0).all())
+    /// True
     fn hessian<'py>(&self, py: Python<'py>, z: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         let z = self.variables(z)?;
         let (mut nlp, n) = (self.single.clone(), z.len());
@@ -320,6 +354,13 @@ impl CartPendulumProblem {
     /// -------
     /// Report
     ///     With the best iterate, whatever the status.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ocp
+    /// >>> report = ocp.CartPendulumProblem().solve()
+    /// >>> report.status, round(report.cost, 2)
+    /// ('converged', 478.39)
     #[pyo3(signature = (
         z=None, *, solver="sqp", tol=None, max_iterations=None, max_time=None, callback=None, on_interrupt="raise"
     ))]
@@ -374,6 +415,13 @@ impl CartPendulumProblem {
     /// Returns
     /// -------
     /// SearchResult
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ocp
+    /// >>> found = ocp.CartPendulumProblem().search(4, seed=1)
+    /// >>> found.success, len(found.minima)
+    /// (True, 1)
     #[pyo3(signature = (
         n_starts=32, *, starts=None, seed=0, reach=1.0, distance_tol=1e-4, on_interrupt="raise"
     ))]
@@ -412,6 +460,16 @@ impl CartPendulumProblem {
     /// Returns
     /// -------
     /// ndarray, shape (n_variables,)
+    ///
+    /// Examples
+    /// --------
+    /// The solution with few splines as a start with more:
+    ///
+    /// >>> from somersault import ocp
+    /// >>> few, more = ocp.CartPendulumProblem.case("A"), ocp.CartPendulumProblem.case("B")
+    /// >>> start = more.carry_over(few, few.solve().z)
+    /// >>> more.solve(start).status
+    /// 'converged'
     fn carry_over<'py>(
         &self,
         py: Python<'py>,
@@ -432,6 +490,14 @@ impl CartPendulumProblem {
     /// -------
     /// Motion
     ///     At the nodes; the force on the cart is ``torque[:, 0]``.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ocp
+    /// >>> problem = ocp.CartPendulumProblem()
+    /// >>> motion = problem.motion(problem.solve().z)
+    /// >>> motion.q[-1].round(2) + 0.0
+    /// array([0., 0.])
     fn motion(&self, py: Python<'_>, z: &Bound<'_, PyAny>) -> Result<Motion, Error> {
         let z = self.variables(z)?;
         let mut shooting = self.problem.shooting()?;
@@ -448,6 +514,15 @@ impl CartPendulumProblem {
     /// Returns
     /// -------
     /// SwingUpVerification
+    ///
+    /// Examples
+    /// --------
+    /// Ten steps of explicit Euler do not describe a pendulum:
+    ///
+    /// >>> from somersault import ocp
+    /// >>> problem = ocp.CartPendulumProblem(n_steps=10)
+    /// >>> problem.verify(problem.solve().z).confirmed
+    /// False
     fn verify(&self, py: Python<'_>, z: &Bound<'_, PyAny>) -> Result<Py<SwingUpVerification>, Error> {
         let z = self.variables(z)?;
         let cost = self

@@ -54,9 +54,11 @@ impl Verifier {
     }
 }
 
-/// "confirmed", or what it is not, in the text that stands for a result.
+/// "confirmed", or what it is not, in the text that stands for a result; nothing is integrated for it.
 pub(crate) fn judgement(py: Python<'_>, verifier: &Verifier) -> PyResult<&'static str> {
-    Ok(if verifier.judge(py)?.0 { "confirmed" } else { "NOT confirmed by integration" })
+    let Some(found) = verifier.found.get(py) else { return Ok("not re-integrated yet") };
+    let confirmed: bool = found.bind(py).getattr("confirmed")?.extract()?;
+    Ok(if confirmed { "confirmed" } else { "NOT confirmed by integration" })
 }
 
 /// A motion re-integrated and accurately: from each node to the next one, and once from start to end.
@@ -147,6 +149,15 @@ impl Verification {
     /// Returns
     /// -------
     /// str
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import multibody, ocp
+    /// >>> phase = ocp.Phase(ocp.SplineMotion(1, 8, [("start", 0, 0.0)]), 1.0, 20)
+    /// >>> problem = ocp.MotionProblem(multibody.cart_pendulum(), [0.0, np.pi], [0.0, 0.0], [phase], active=["cart"])
+    /// >>> problem.verify(np.zeros(problem.n_variables)).sentence(1e-3).partition(":")[0]
+    /// 'The motion holds when re-integrated'
     #[pyo3(signature = (allowed=1e-4))]
     fn sentence(&self, allowed: f64) -> Result<String, Error> {
         super::arguments::tolerance("allowed", Some(allowed))?;

@@ -3,6 +3,40 @@
 //! The columns of Φ lie side by side in the lanes of a vector: an entry of D multiplies a row of Φ at once, an entry that
 //! is known to be zero is left out, and the errors of all columns are summed together. Matrices are n² numbers, row by row.
 
+use std::ops::{Deref, DerefMut};
+
+/// Numbers that begin with a cache line: a vector that lies on two lines takes twice as long to load.
+pub(in crate::flow) struct Aligned {
+    numbers: Vec<f64>,
+    start: usize,
+    size: usize,
+}
+
+impl Aligned {
+    pub(super) fn zeros(size: usize) -> Self {
+        const LINE: usize = 64 / size_of::<f64>();
+        let numbers = vec![0.0; size + LINE - 1];
+        let start = numbers.as_ptr().align_offset(64).min(LINE - 1);
+        Self { numbers, start, size }
+    }
+}
+
+impl Deref for Aligned {
+    type Target = [f64];
+
+    #[inline(always)]
+    fn deref(&self) -> &[f64] {
+        &self.numbers[self.start..self.start + self.size]
+    }
+}
+
+impl DerefMut for Aligned {
+    #[inline(always)]
+    fn deref_mut(&mut self) -> &mut [f64] {
+        &mut self.numbers[self.start..self.start + self.size]
+    }
+}
+
 /// In place of a size that the compiler knows: any other one.
 pub(super) const ANY: usize = 0;
 

@@ -36,9 +36,10 @@ macro_rules! law_class {
 }
 pub(super) use law_class;
 
-/// The same for a normal law, with its force and energy as methods.
+/// The same for a normal law, with its force and energy as methods. For their examples it has both 1 cm deep, with a stiffness
+/// of 10⁴.
 macro_rules! normal_law_class {
-    ($class:ident = $kind:literal: $law:ty) => {
+    ($class:ident = $kind:literal: $law:ty, $force:literal, $energy:literal) => {
         crate::contact::laws::class::law_class!($class = $kind: $law);
 
         #[pymethods]
@@ -53,6 +54,13 @@ macro_rules! normal_law_class {
             /// Returns
             /// -------
             /// float
+            ///
+            /// Examples
+            /// --------
+            #[doc = concat!(">>> from somersault.contact import ", stringify!($class))]
+            #[doc = concat!(">>> law = ", stringify!($class), "(1e4)")]
+            /// >>> round(law.force(-0.01, 0.0), 9), law.force(0.01, 0.0)
+            #[doc = concat!("(", $force, ", 0.0)")]
             fn force(&self, gap: f64, rate: f64) -> Result<f64, Error> {
                 Ok(self.0.force(finite("gap", gap)?, finite("rate", rate)?))
             }
@@ -67,6 +75,12 @@ macro_rules! normal_law_class {
             /// Returns
             /// -------
             /// float
+            ///
+            /// Examples
+            /// --------
+            #[doc = concat!(">>> from somersault.contact import ", stringify!($class))]
+            #[doc = concat!(">>> round(", stringify!($class), "(1e4).energy(-0.01), 9)")]
+            #[doc = $energy]
             fn energy(&self, gap: f64) -> Result<f64, Error> {
                 Ok(self.0.energy(finite("gap", gap)?))
             }

@@ -1,35 +1,27 @@
 //! Laws of contacts: along the normal, against sliding, rolling and spinning.
 //!
-//! A class has a file, and its row in the table of its kind.
+//! A class stands in the file of its kind, under the table that has its row.
 
 mod class;
-mod compliant;
-mod coulomb;
-mod hunt_crossley;
-mod regularised;
+mod friction;
+mod normal;
 mod resistance;
 
-pub(crate) use compliant::{CompliantLaw, damping_ratio, restitution};
-pub(crate) use coulomb::CoulombFriction;
+pub(crate) use friction::CoulombFriction;
+pub(crate) use normal::{CompliantLaw, damping_ratio, restitution};
 pub(crate) use resistance::Resistance;
 
 use crate::core::convert::a_type;
 use crate::core::error::Error;
-use class::{Row, add, kinds, read, show};
+use class::{add, kinds, read, show};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use somersault::contact::laws::{ContactLaw, FrictionLaw, NormalLaw};
-
-static NORMAL: &[Row<dyn NormalLaw>] =
-    &[class::normal::<CompliantLaw>(), class::normal::<hunt_crossley::HuntCrossley>()];
-
-static FRICTION: &[Row<dyn FrictionLaw>] =
-    &[class::friction::<CoulombFriction>(), class::friction::<regularised::RegularisedFriction>()];
+use somersault::contact::laws::ContactLaw;
 
 /// Adds the classes of laws to the module of the extension.
 pub(super) fn add_classes(module: &Bound<'_, PyModule>) -> PyResult<()> {
-    add(NORMAL, "_NORMAL_LAWS", module)?;
-    add(FRICTION, "_FRICTION_LAWS", module)
+    add(normal::CLASSES, "_NORMAL_LAWS", module)?;
+    add(friction::CLASSES, "_FRICTION_LAWS", module)
 }
 
 /// All laws of a contact.
@@ -41,14 +33,14 @@ pub(crate) fn laws(
     let wrong = |argument, kinds: &str, found: &Bound<'_, PyAny>| {
         Error::input(format!("`{argument}` must be {kinds}, found {}", a_type(found)))
     };
-    let mut laws = match read(NORMAL, law) {
+    let mut laws = match read(normal::CLASSES, law) {
         Some(law) => ContactLaw::from(law),
-        None => return Err(wrong("law", &kinds(NORMAL, law.py())?, law)),
+        None => return Err(wrong("law", &kinds(normal::CLASSES, law.py())?, law)),
     };
     if let Some(value) = friction {
-        laws = match read(FRICTION, value) {
+        laws = match read(friction::CLASSES, value) {
             Some(friction) => laws.with_friction(friction),
-            None => return Err(wrong("friction", &kinds(FRICTION, value.py())?, value)),
+            None => return Err(wrong("friction", &kinds(friction::CLASSES, value.py())?, value)),
         };
     }
     if let Some(value) = resistance {
@@ -64,18 +56,18 @@ fn without_class(law: &str) -> PyErr {
 
 /// The normal law as Python sees it.
 pub(crate) fn normal_law<'py>(py: Python<'py>, laws: &ContactLaw) -> PyResult<Bound<'py, PyAny>> {
-    show(NORMAL, py, laws.normal())?.ok_or_else(|| without_class(laws.normal().type_name()))
+    show(normal::CLASSES, py, laws.normal())?.ok_or_else(|| without_class(laws.normal().type_name()))
 }
 
 /// The law of friction as Python sees it.
 pub(crate) fn friction_law<'py>(py: Python<'py>, laws: &ContactLaw) -> PyResult<Option<Bound<'py, PyAny>>> {
     let Some(law) = laws.friction().law() else { return Ok(None) };
-    show(FRICTION, py, law)?.ok_or_else(|| without_class(law.type_name())).map(Some)
+    show(friction::CLASSES, py, law)?.ok_or_else(|| without_class(law.type_name())).map(Some)
 }
 
 /// The normal law in words, also where it has no class.
 pub(crate) fn normal_law_repr(py: Python<'_>, laws: &ContactLaw) -> PyResult<String> {
-    match show(NORMAL, py, laws.normal())? {
+    match show(normal::CLASSES, py, laws.normal())? {
         Some(law) => law.repr()?.extract(),
         None => Ok(format!("<{:?}>", laws.normal())),
     }

@@ -13,6 +13,22 @@ use somersault::contact::laws::resistance;
 ///     Lengths b ≥ 0 and s ≥ 0, m.
 /// speed : float
 ///     ω_ε > 0, rad/s, over which the couples build up.
+///
+/// Examples
+/// --------
+/// A ball that spins on the spot is slowed down by s m g/I:
+///
+/// >>> import somersault
+/// >>> from somersault import contact
+/// >>> body = somersault.RigidBody.sphere(1.0, 0.1)
+/// >>> spinning = contact.Resistance(rolling=0.0, spinning=1e-3, speed=0.01)
+/// >>> ball = contact.Contact.ball(
+/// ...     (0, 0, 0), 0.1, contact.HalfSpace(), contact.CompliantLaw(1e4, 100.0), resistance=spinning)
+/// >>> start = somersault.State((0, 0, 0.1 - 9.81e-4), angular_velocity=(0, 0, 10.0))
+/// >>> motion = somersault.integrate(
+/// ...     body, start, (0.0, 0.5), dt=1e-3, forces=somersault.forces.Gravity(), contacts=ball)
+/// >>> round(float(motion.angular_velocity[-1, 2]), 3), round(10.0 - 0.5 * 1e-3 * 9.81 / 0.004, 3)
+/// (8.774, 8.774)
 #[pyclass(frozen, eq, from_py_object, module = "somersault.contact")]
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) struct Resistance {

@@ -227,6 +227,17 @@ impl MultiphaseProblem {
     /// -------
     /// MultiphaseResult
     ///     With the best motion found, whatever the status.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import multibody, ocp
+    /// >>> block = multibody.Link("block", joint="prismatic", axis=(1, 0, 0), mass=1.0)
+    /// >>> model = multibody.Model([block], gravity=(0, 0, 0))
+    /// >>> away = ocp.CollocationProblem(model, [0, 0], [1, None], 1.0)
+    /// >>> back = ocp.CollocationProblem(model, [None, None], [0, 0], 1.0)
+    /// >>> found = ocp.MultiphaseProblem([away, back]).solve(tol=1e-6)
+    /// >>> found.status, round(found.cost, 4)
+    /// ('converged', 12.0)
     #[pyo3(signature = (
         guess=None, *, tol=1e-6, n_intervals=40, n_points=4, max_meshes=20, max_iterations=None, max_time=None,
         callback=None, on_interrupt="raise"

@@ -266,6 +266,19 @@ impl CollocationProblem {
     /// -------
     /// CollocationResult
     ///     With the best motion found, whatever the status.
+    ///
+    /// Examples
+    /// --------
+    /// With a free duration, which costs as much as effort, and bounds on the force:
+    ///
+    /// >>> from somersault import multibody, ocp
+    /// >>> block = multibody.Link("block", joint="prismatic", axis=(1, 0, 0), mass=1.0)
+    /// >>> model = multibody.Model([block], gravity=(0, 0, 0))
+    /// >>> problem = ocp.CollocationProblem(
+    /// ...     model, [0, 0], [1, 0], (0.5, 5.0), control_lower=-1, control_upper=1, time_weight=1)
+    /// >>> found = problem.solve(tol=1e-4, n_intervals=10)
+    /// >>> found.status, round(float(found.t[-1]), 3)
+    /// ('converged', 2.167)
     #[pyo3(signature = (
         guess=None, *, tol=1e-6, n_intervals=40, n_points=4, max_meshes=20, max_iterations=None, max_time=None,
         callback=None, on_interrupt="raise"

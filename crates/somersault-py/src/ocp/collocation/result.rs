@@ -111,6 +111,17 @@ impl CollocationResult {
     /// Returns
     /// -------
     /// ndarray, shape (n_states,) or (m, n_states)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import multibody, ocp
+    /// >>> block = multibody.Link("block", joint="prismatic", axis=(1, 0, 0), mass=1.0)
+    /// >>> model = multibody.Model([block], gravity=(0, 0, 0))
+    /// >>> found = ocp.CollocationProblem(model, [0, 0], [1, 0], 1.0).solve()
+    /// >>> found.state([0.0, 0.5, 1.0]).round(4) + 0.0
+    /// array([[0. , 0. ],
+    ///        [0.5, 1.5],
+    ///        [1. , 0. ]])
     fn state<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         self.at(py, t, PhaseSolution::state)
     }
@@ -124,6 +135,16 @@ impl CollocationResult {
     /// Returns
     /// -------
     /// ndarray, shape (n_controls,) or (m, n_controls)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import multibody, ocp
+    /// >>> block = multibody.Link("block", joint="prismatic", axis=(1, 0, 0), mass=1.0)
+    /// >>> model = multibody.Model([block], gravity=(0, 0, 0))
+    /// >>> found = ocp.CollocationProblem(model, [0, 0], [1, 0], 1.0).solve()
+    /// >>> found.control([0.25, 0.75]).round(4)
+    /// array([[ 3.],
+    ///        [-3.]])
     fn control<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         self.at(py, t, PhaseSolution::control)
     }
@@ -137,6 +158,15 @@ impl CollocationResult {
     /// Returns
     /// -------
     /// ndarray, shape (n_states,) or (m, n_states)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import multibody, ocp
+    /// >>> block = multibody.Link("block", joint="prismatic", axis=(1, 0, 0), mass=1.0)
+    /// >>> model = multibody.Model([block], gravity=(0, 0, 0))
+    /// >>> found = ocp.CollocationProblem(model, [0, 0], [1, 0], 1.0).solve()
+    /// >>> found.costate(0.25).round(3)
+    /// array([-12.,  -3.])
     fn costate<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         self.at(py, t, PhaseSolution::costate)
     }

@@ -14,7 +14,7 @@ use super::arguments::{count, limit, seed_of, tolerance};
 use super::solver::{Watcher, deadline};
 use crate::core::convert::{entries_or_none, finite_all, integer, integer_or_none, with_shape};
 use crate::core::error::Error;
-use crate::core::value::{Pickled, by_restore, value};
+use crate::core::value::{Pickled, brief, by_restore, few, value};
 use crate::core::waiting::{Cancellation, attend, deliver, returns_interrupted};
 use crate::multibody::models::Diver;
 use plan::{Course, Plan};
@@ -139,6 +139,12 @@ impl Dive {
     /// Returns
     /// -------
     /// Dive
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ocp
+    /// >>> ocp.dive_107b().replace(somersaults=2.5, platform=5.0)
+    /// <Dive: 2.5 somersaults, 0 twists, postures A, H, 7 variables>
     #[pyo3(signature = (**changes))]
     fn replace(&self, changes: Option<&Bound<'_, PyDict>>) -> Result<Self, Error> {
         let mut plan = self.plan.clone();
@@ -211,6 +217,13 @@ impl Dive {
     /// Returns
     /// -------
     /// ndarray, shape (n_variables,)
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ocp
+    /// >>> dive = ocp.dive_107b()
+    /// >>> dive.start([(0.0, "A"), (0.3, "H"), (0.7, "H"), (1.0, "A")]).shape
+    /// (7,)
     #[pyo3(signature = (template=None))]
     fn start<'py>(
         &self,
@@ -249,6 +262,13 @@ impl Dive {
     /// -------
     /// DiveSolution
     ///     The best iterate, whatever the status.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ocp
+    /// >>> found = ocp.dive_107b(n_steps=30).solve()
+    /// >>> found.status, round(found.duration, 3)
+    /// ('converged', 1.7)
     #[pyo3(signature = (
         z=None, *, soft_weights=None, tol=None, max_iterations=None, max_time=None, callback=None,
         on_interrupt="raise"
@@ -309,6 +329,13 @@ impl Dive {
     /// list of DiveSolution
     ///     One for each start: the successes first, and of these the cheapest. When the time is over or after
     ///     Ctrl-C, one for each start that had begun.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ocp
+    /// >>> found = ocp.dive_107b(n_steps=20).search(2, seed=1)
+    /// >>> found[0].success
+    /// True
     #[pyo3(signature = (
         n_starts=16, *, seed=1, soft_weights=None, tol=None, max_iterations=None, max_time=None, on_interrupt="raise"
     ))]
@@ -419,7 +446,7 @@ impl Dive {
             "<Dive: {} somersaults, {} twists, postures {}, {} variables>",
             dive.somersaults,
             dive.twists,
-            self.plan.names.join(", "),
+            brief(&few(&self.plan.names), 80),
             self.n_variables()
         )
     }

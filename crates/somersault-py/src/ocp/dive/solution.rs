@@ -232,6 +232,13 @@ impl DiveSolution {
     /// Returns
     /// -------
     /// DiveVerification
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ocp
+    /// >>> found = ocp.dive_107b().solve()
+    /// >>> found.verify().confirmed
+    /// True
     fn verify(&self, py: Python<'_>) -> Result<Py<PyAny>, Error> {
         self.verifier.get(py)
     }
@@ -289,6 +296,15 @@ impl DiveSolution {
     /// Returns
     /// -------
     /// ndarray, shape (n_steps + 1,)
+    ///
+    /// Examples
+    /// --------
+    /// Explicit Euler gains momentum that a diver in the air cannot gain:
+    ///
+    /// >>> from somersault import ocp
+    /// >>> momentum = ocp.dive_107b().solve().literal_momentum(200)
+    /// >>> bool(abs(momentum[-1] / momentum[0] - 1.0) > 0.01)
+    /// True
     #[pyo3(signature = (n_steps=200))]
     fn literal_momentum<'py>(
         &self,
@@ -308,7 +324,7 @@ impl DiveSolution {
         let end = self.motion.angles.last().copied().unwrap_or_default();
         Ok(format!(
             "<DiveSolution: {}, {}, {:.3} somersaults, {:.3} twists, L = {:.2} kg m²/s, {} times>",
-            self.status(py)?,
+            status_name(self.report.status),
             judgement(py, &self.verifier)?,
             end.somersault / TAU,
             end.twist / TAU,

@@ -3,7 +3,7 @@
 use super::place::Place;
 use crate::core::convert::{integer_or_none, real_numbers};
 use crate::core::error::Error;
-use crate::core::value::{Pickled, by_restore};
+use crate::core::value::{Pickled, brief, by_restore};
 use crate::ocp::term::Term;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
@@ -22,6 +22,12 @@ use somersault::ocp::problem::At;
 ///     Which node, where `at` is ``'node'``; counted through all phases.
 /// phase : int, optional
 ///     Of which phase path, integral, start or finish are meant; of the whole motion unless given.
+///
+/// Examples
+/// --------
+/// >>> from somersault import ocp
+/// >>> ocp.Constraint(ocp.entries("velocity"), 0.0, 0.0, at="finish")
+/// <Constraint: velocity from 0.0 to 0.0, at 'finish'>
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct Constraint {
     pub(super) term: Py<Term>,
@@ -47,6 +53,12 @@ impl Constraint {
         let place = Place { at: at.to_owned(), node, phase };
         in_order(&real_numbers("lower", lower.bind(py))?, &real_numbers("upper", upper.bind(py))?)?;
         Ok(Self { term, lower, upper, nodes: place.nodes()?, place })
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let text = |bound: &Py<PyAny>| Ok::<_, PyErr>(brief(&bound.bind(py).str()?.to_cow()?, 40));
+        let (what, lower, upper) = (self.term.get().what(), text(&self.lower)?, text(&self.upper)?);
+        Ok(format!("<Constraint: {what} from {lower} to {upper}, {}>", self.place))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {

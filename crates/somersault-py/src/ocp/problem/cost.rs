@@ -26,6 +26,12 @@ use somersault::ocp::problem::{At, Loss};
 ///     Σ wᵢ rᵢ instead of squares.
 /// phase : int, optional
 ///     Of which phase path, start or finish are meant; of the whole motion unless given.
+///
+/// Examples
+/// --------
+/// >>> from somersault import ocp
+/// >>> ocp.Cost(ocp.entries("torque", [0]), weights=0.5)
+/// <Cost: squares of torque, at 'path'>
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct Cost {
     pub(super) term: Py<Term>,
@@ -63,6 +69,11 @@ impl Cost {
         }
         let place = Place { at: at.to_owned(), node, phase };
         Ok(Self { term, weights, target, nodes: place.nodes()?, place, linear })
+    }
+
+    fn __repr__(&self) -> String {
+        let kind = if self.linear { "linear" } else { "squares" };
+        format!("<Cost: {kind} of {}, {}>", self.term.get().what(), self.place)
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {

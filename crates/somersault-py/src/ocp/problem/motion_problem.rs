@@ -55,6 +55,22 @@ use somersault::ocp::transcription::Transcription;
 /// ------
 /// InputError
 ///     If the parts do not fit each other, or bounds contradict.
+///
+/// Examples
+/// --------
+/// A cart swings its pendulum from rest to an angle of 0.3 rad:
+///
+/// >>> import numpy as np
+/// >>> from somersault import multibody, ocp
+/// >>> rest = [(end, r, 0.0) for end in ("start", "finish") for r in (0, 1)]
+/// >>> phase = ocp.Phase(ocp.SplineMotion(1, 8, rest), 1.0, 20)
+/// >>> effort = ocp.Cost(ocp.entries("torque", [0]))
+/// >>> swing = ocp.Cost(ocp.displacement([0.0, np.pi - 0.3], [1]), 1e4, at="finish")
+/// >>> problem = ocp.MotionProblem(
+/// ...     multibody.cart_pendulum(), [0.0, np.pi], [0.0, 0.0], [phase], active=["cart"], costs=[effort, swing])
+/// >>> report = problem.solve(np.full(problem.n_variables, 0.1))
+/// >>> report.status, round(float(problem.motion(report.z).q[-1, 1]), 2)
+/// ('converged', 2.85)
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct MotionProblem {
     recipe: Recipe,
@@ -175,6 +191,17 @@ impl MotionProblem {
     /// Returns
     /// -------
     /// float
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import multibody, ocp
+    /// >>> phase = ocp.Phase(ocp.SplineMotion(1, 8, [("start", 0, 0.0)]), 1.0, 20)
+    /// >>> effort = ocp.Cost(ocp.entries("torque", [0]))
+    /// >>> problem = ocp.MotionProblem(
+    /// ...     multibody.cart_pendulum(), [0.0, np.pi], [0.0, 0.0], [phase], active=["cart"], costs=[effort])
+    /// >>> round(problem.cost(np.zeros(problem.n_variables)), 9)
+    /// 0.0
     fn cost(&self, py: Python<'_>, z: &Bound<'_, PyAny>) -> Result<f64, Error> {
         let (z, mut constraints) = self.room(z)?;
         self.run(py, |problem| problem.evaluate(&z, &mut constraints))
@@ -189,6 +216,19 @@ impl MotionProblem {
     /// Returns
     /// -------
     /// ndarray, shape (n_variables,)
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import multibody, ocp
+    /// >>> phase = ocp.Phase(ocp.SplineMotion(1, 8, [("start", 0, 0.0)]), 1.0, 20)
+    /// >>> effort = ocp.Cost(ocp.entries("torque", [0]))
+    /// >>> problem = ocp.MotionProblem(
+    /// ...     multibody.cart_pendulum(), [0.0, np.pi], [0.0, 0.0], [phase], active=["cart"], costs=[effort])
+    /// >>> z, step = np.full(problem.n_variables, 0.1), np.eye(problem.n_variables)[0] * 1e-5
+    /// >>> difference = (problem.cost(z + step) - problem.cost(z - step)) / 2e-5
+    /// >>> bool(np.isclose(problem.gradient(z)[0], difference))
+    /// True
     fn gradient<'py>(&self, py: Python<'py>, z: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         Ok(numpy::PyArray1::from_vec(py, self.derivatives(py, z)?.0).into_any())
     }
@@ -202,6 +242,17 @@ impl MotionProblem {
     /// Returns
     /// -------
     /// ndarray, shape (n_constraints,)
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import multibody, ocp
+    /// >>> phase = ocp.Phase(ocp.SplineMotion(1, 8, [("start", 0, 0.0)]), 1.0, 20)
+    /// >>> still = ocp.Constraint(ocp.entries("velocity"), 0.0, 0.0, at="finish")
+    /// >>> problem = ocp.MotionProblem(
+    /// ...     multibody.cart_pendulum(), [0.0, np.pi], [0.0, 0.0], [phase], active=["cart"], constraints=[still])
+    /// >>> problem.constraints(np.zeros(problem.n_variables)).round(6) + 0.0
+    /// array([0., 0.])
     fn constraints<'py>(&self, py: Python<'py>, z: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         let (z, mut constraints) = self.room(z)?;
         self.run(py, |problem| problem.evaluate(&z, &mut constraints))?;
@@ -217,6 +268,17 @@ impl MotionProblem {
     /// Returns
     /// -------
     /// ndarray, shape (n_constraints, n_variables)
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import multibody, ocp
+    /// >>> phase = ocp.Phase(ocp.SplineMotion(1, 8, [("start", 0, 0.0)]), 1.0, 20)
+    /// >>> still = ocp.Constraint(ocp.entries("velocity"), 0.0, 0.0, at="finish")
+    /// >>> problem = ocp.MotionProblem(
+    /// ...     multibody.cart_pendulum(), [0.0, np.pi], [0.0, 0.0], [phase], active=["cart"], constraints=[still])
+    /// >>> problem.jacobian(np.zeros(problem.n_variables)).shape
+    /// (2, 7)
     fn jacobian<'py>(&self, py: Python<'py>, z: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         let values = self.derivatives(py, z)?.1;
         let (shape, dense) = {
@@ -258,6 +320,24 @@ impl MotionProblem {
     /// -------
     /// Report
     ///     With the best iterate, whatever the status.
+    ///
+    /// Examples
+    /// --------
+    /// The minimum effort that moves a cart and its pendulum by 1 m in 1.5 s, from rest to rest:
+    ///
+    /// >>> import numpy as np
+    /// >>> from somersault import multibody, ocp
+    /// >>> ends = [("start", 0, 0.0), ("start", 1, 0.0), ("finish", 0, 1.0), ("finish", 1, 0.0)]
+    /// >>> phase = ocp.Phase(ocp.SplineMotion(1, 14, ends), 1.5, 50)
+    /// >>> effort = ocp.Cost(ocp.entries("torque", [0]))
+    /// >>> hangs = ocp.Constraint(ocp.displacement([0.0, np.pi], [1]), 0.0, 0.0, at="finish")
+    /// >>> still = ocp.Constraint(ocp.entries("velocity", [1]), 0.0, 0.0, at="finish")
+    /// >>> problem = ocp.MotionProblem(
+    /// ...     multibody.cart_pendulum(), [0.0, np.pi], [0.0, 0.0], [phase], active=["cart"], costs=[effort],
+    /// ...     constraints=[hangs, still])
+    /// >>> report = problem.solve(np.zeros(problem.n_variables))
+    /// >>> report.status, report.feasibility < 1e-6
+    /// ('converged', True)
     #[pyo3(signature = (
         z, *, solver="sqp", tol=None, max_iterations=None, max_time=None, callback=None, on_interrupt="raise"
     ))]
@@ -313,6 +393,20 @@ impl MotionProblem {
     /// Returns
     /// -------
     /// SearchResult
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import multibody, ocp
+    /// >>> rest = [(end, r, 0.0) for end in ("start", "finish") for r in (0, 1)]
+    /// >>> phase = ocp.Phase(ocp.SplineMotion(1, 8, rest), 1.0, 20)
+    /// >>> effort = ocp.Cost(ocp.entries("torque", [0]))
+    /// >>> swing = ocp.Cost(ocp.displacement([0.0, np.pi - 0.3], [1]), 1e4, at="finish")
+    /// >>> problem = ocp.MotionProblem(
+    /// ...     multibody.cart_pendulum(), [0.0, np.pi], [0.0, 0.0], [phase], active=["cart"], costs=[effort, swing])
+    /// >>> found = problem.search(4, z=np.full(problem.n_variables, 0.1), reach=0.5)
+    /// >>> found.success, found.best.status
+    /// (True, 'converged')
     #[pyo3(signature = (
         n_starts=16, *, z=None, starts=None, seed=0, reach=None, distance_tol=1e-4, solver="sqp", tol=None,
         max_iterations=None, max_time=None, on_interrupt="raise"
@@ -363,6 +457,15 @@ impl MotionProblem {
     /// Returns
     /// -------
     /// Verification
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import multibody, ocp
+    /// >>> phase = ocp.Phase(ocp.SplineMotion(1, 8, [("start", 0, 0.0)]), 1.0, 20)
+    /// >>> problem = ocp.MotionProblem(multibody.cart_pendulum(), [0.0, np.pi], [0.0, 0.0], [phase], active=["cart"])
+    /// >>> problem.verify(np.zeros(problem.n_variables)).confirmed
+    /// True
     fn verify(&self, py: Python<'_>, z: &Bound<'_, PyAny>) -> Result<Verification, Error> {
         let z = self.room(z)?.0;
         self.recipe.motion()?.verify(py, &z)
@@ -377,6 +480,15 @@ impl MotionProblem {
     /// Returns
     /// -------
     /// Motion
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import multibody, ocp
+    /// >>> phase = ocp.Phase(ocp.SplineMotion(1, 8, [("start", 0, 0.0)]), 1.0, 20)
+    /// >>> problem = ocp.MotionProblem(multibody.cart_pendulum(), [0.0, np.pi], [0.0, 0.0], [phase], active=["cart"])
+    /// >>> problem.motion(np.zeros(problem.n_variables))
+    /// <Motion: 21 nodes, t = 0 to 1 s>
     fn motion(&self, py: Python<'_>, z: &Bound<'_, PyAny>) -> Result<Motion, Error> {
         let (z, _) = self.room(z)?;
         let model = self.recipe.model.clone_ref(py);

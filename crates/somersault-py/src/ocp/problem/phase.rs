@@ -21,6 +21,13 @@ use somersault::ocp::shooting::{self, Duration};
 ///     Steps of equal length.
 /// n_segments : int, optional
 ///     1 for single shooting; more for multiple shooting, whose starts are variables.
+///
+/// Examples
+/// --------
+/// >>> from somersault import ocp
+/// >>> ends = [("start", 0, 0.0), ("finish", 0, 1.0)]
+/// >>> ocp.Phase(ocp.SplineMotion(1, 8, ends), (0.5, 2.0), 40)
+/// <Phase: 0.5 to 2 s, 6 parameters, 40 steps in 1 segment>
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct Phase {
     pub(super) phase: shooting::Phase,
@@ -54,6 +61,16 @@ impl Phase {
         }
         let phase = shooting::Phase { motion: motion.get().motion.clone(), n_steps, duration, n_segments };
         Ok(Self { phase, motion: motion.clone().unbind() })
+    }
+
+    fn __repr__(&self) -> String {
+        let shooting::Phase { n_steps, n_segments, motion, .. } = &self.phase;
+        let duration = match self.phase.duration {
+            Duration::Fixed(duration) => format!("{duration} s"),
+            Duration::Free { lower, upper } => format!("{lower} to {upper} s"),
+        };
+        let (n, plural) = (motion.n_parameters(), if *n_segments == 1 { "" } else { "s" });
+        format!("<Phase: {duration}, {n} parameters, {n_steps} steps in {n_segments} segment{plural}>")
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {

@@ -3,6 +3,7 @@
 use crate::core::error::Error;
 use crate::ocp::arguments::index;
 use somersault::ocp::problem::At;
+use std::fmt;
 
 /// Where a term is taken, as Python says it.
 #[derive(Clone)]
@@ -10,6 +11,14 @@ pub(super) struct Place {
     pub(super) at: String,
     pub(super) node: Option<i64>,
     pub(super) phase: Option<i64>,
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "at '{}'", self.at)?;
+        self.node.map_or(Ok(()), |node| write!(f, " {node}"))?;
+        self.phase.map_or(Ok(()), |phase| write!(f, " of phase {phase}"))
+    }
 }
 
 impl Place {

@@ -81,6 +81,11 @@ impl Term {
         })
     }
 
+    /// What it is, in words.
+    pub(crate) fn what(&self) -> &'static str {
+        self.what
+    }
+
     /// Whether evaluations call Python.
     pub(crate) fn calls_python(&self) -> bool {
         self.calls_python

@@ -25,6 +25,14 @@ functions! {
     /// Returns
     /// -------
     /// Term
+    ///
+    /// Examples
+    /// --------
+    /// The diver enters upside down:
+    ///
+    /// >>> from somersault import ocp
+    /// >>> ocp.Constraint(ocp.axis_direction("torso", (0, 0, 1)), [-1, -1, -1], [1, 1, -0.99], at="finish")
+    /// <Constraint: axis direction from [-1, -1, -1] to [1, 1, -0.99], at 'finish'>
     fn axis_direction(py: Python<'_>, body: String, axis: &Bound<'_, PyAny>) -> PyResult<Term> {
         let axis = vector("axis", axis)?;
         if axis.amax() == 0.0 {
@@ -47,6 +55,12 @@ functions! {
     /// Returns
     /// -------
     /// Term
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ocp
+    /// >>> ocp.Cost(ocp.body_orientation("torso", (0.0, 0.0, 0.0, 1.0)), 100.0, at="finish")
+    /// <Cost: squares of body orientation, at 'finish'>
     fn body_orientation(py: Python<'_>, body: String, target: &Bound<'_, PyAny>) -> PyResult<Term> {
         let target = orientation("target", target)?;
         let arguments = (body.clone(), components(&target));
@@ -66,6 +80,12 @@ functions! {
     /// Returns
     /// -------
     /// Term
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ocp
+    /// >>> ocp.Cost(ocp.displacement([0.0, 0.0], [1]), 1e3, at="finish")
+    /// <Cost: squares of displacement, at 'finish'>
     #[pyo3(signature = (reference, dofs=None))]
     fn displacement(
         py: Python<'_>,
@@ -94,6 +114,12 @@ functions! {
     /// Returns
     /// -------
     /// Term
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ocp
+    /// >>> ocp.Constraint(ocp.entries("torque", [0]), -20.0, 20.0)
+    /// <Constraint: torque from -20.0 to 20.0, at 'path'>
     #[pyo3(signature = (part, indices=None))]
     fn entries(
         py: Python<'_>,
@@ -130,6 +156,13 @@ functions! {
     /// Returns
     /// -------
     /// Term
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ocp
+    /// >>> power = ocp.function(lambda node: node.torque[0] * node.velocity[0], reads=("torque", "velocity"))
+    /// >>> ocp.Constraint(power, -100.0, 100.0)
+    /// <Constraint: function from -100.0 to 100.0, at 'path'>
     #[pyo3(signature = (f, n_rows=1, *, gradient=None, reads=None))]
     fn function(
         f: &Bound<'_, PyAny>,
@@ -150,6 +183,12 @@ functions! {
     /// Returns
     /// -------
     /// Term
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ocp
+    /// >>> ocp.Constraint(ocp.momentum("angular"), 0.0, 0.0)
+    /// <Constraint: angular momentum from 0.0 to 0.0, at 'path'>
     fn momentum(py: Python<'_>, part: &str) -> PyResult<Term> {
         let (of, what) = match part {
             "angular" => (MomentumPart::Angular, "angular momentum"),
@@ -176,6 +215,12 @@ functions! {
     /// Returns
     /// -------
     /// Term
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import ocp
+    /// >>> ocp.Cost(ocp.point_position("lower", (0.5, 0.0, 0.0)), 1e3, target=(1.0, 1.0, 0.0), at="finish")
+    /// <Cost: squares of point position, at 'finish'>
     #[pyo3(signature = (body, point=None))]
     fn point_position(py: Python<'_>, body: String, point: Option<&Bound<'_, PyAny>>) -> PyResult<Term> {
         let point = vector_or("point", point, Vector3::zeros())?;
