@@ -1,11 +1,14 @@
-"""Makes the pictures of the README and the book: `make pictures`. The dives need Chromium or Chrome."""
+"""Makes the pictures of the README and the book: `make pictures`. The dives need Chromium or Chrome.
+
+Pages show them 560 pixels wide and telephones 360: letters must be large, lines are labelled at their ends.
+"""
 
 from __future__ import annotations
 
 import importlib
 import io
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,43 +23,88 @@ from PIL import Image, ImageDraw, ImageFont
 
 import somersault
 from somersault import contact, exact, ocp, studies, viewer
+from somersault.plotting.palette import MUTED
 from somersault.viewer.film import pictures
 
 FOLDER = Path(__file__).parent / "images"
-_SIZE = (6.0, 3.6)
-_FILM_SECONDS, _FILM_RATE = 10, 12
+#: Of a figure, inches and pixels per inch: twice as many as a page shows.
+_SIZE, _DOTS = (5.6, 3.6), 200
+_FILM_SECONDS, _FILM_RATE = 10, 10
+_GREY = "#777777"
+
+plt.rcParams.update(
+    {
+        "font.size": 13,
+        "axes.titlesize": 14,
+        "axes.spines.top": False,
+        "axes.spines.right": False,
+        "axes.grid": True,
+        "grid.alpha": 0.3,
+        "lines.linewidth": 2.2,
+    }
+)
 
 
 def _axes(title: str) -> Axes:
     ax = plt.figure(figsize=_SIZE, layout="constrained").add_subplot()
-    ax.set_title(title, fontsize=11)
-    ax.grid(alpha=0.3)
+    ax.set_title(title, loc="left", x=-0.14)
     return ax
 
 
+def _label(
+    ax: Axes, at: tuple[float, float], text: str, color: str, shift: tuple[float, float] = (6, 0)
+) -> None:
+    """A text beside a point, from which it is shifted by points of type."""
+    ax.annotate(text, at, shift, textcoords="offset points", color=color, va="center", annotation_clip=False)
+
+
+def _better(ax: Axes, start: tuple[float, float], end: tuple[float, float]) -> None:
+    """An arrow to where results are better, in fractions of the axes."""
+    arrow = {"arrowstyle": "-|>", "color": "k", "lw": 1.5, "mutation_scale": 18}
+    ax.annotate(
+        "better",
+        end,
+        start,
+        xycoords="axes fraction",
+        textcoords="axes fraction",
+        arrowprops=arrow,
+        ha="center",
+    )
+
+
 def _save(name: str) -> None:
-    plt.savefig(FOLDER / name, dpi=110)
+    drawn = io.BytesIO()
+    plt.savefig(drawn, dpi=_DOTS)
     plt.close()
+    _reduce(Image.open(drawn).convert("RGB"), name)
+
+
+def _reduce(image: Image.Image, name: str, colors: int = 64) -> None:
+    image.quantize(colors, dither=Image.Dither.NONE).save(FOLDER / name, optimize=True)
 
 
 def integrate() -> None:
     """Error against work on case 2 of the thesis."""
-    ax = _axes("Ten seconds of a box that flips: error against work")
+    ax = _axes("A box that flips, after 10 s: error against work")
     problem = studies.Problem.case(2)
-    for name, style in (
-        ("sie", "C7:"),
-        ("rk4", "C7--"),
-        ("rkmk", "C0.-"),
-        ("dmv2s", "C2.-"),
-        ("rkmk8_b", "C3.-"),
-        ("pmv10", "C4.-"),
+    for name, text, color, shift in (
+        ("sie", "semi-implicit Euler", _GREY, (6, 0)),
+        ("rk4", "Runge-Kutta, order 4", MUTED[1], (6, -7)),
+        ("dmv2s", "variational, order 2", MUTED[2], (6, 8)),
+        ("rkmk", "Lie group, order 4", MUTED[0], (6, 3)),
+        ("rkmk8_b", "Lie group, order 8", MUTED[7], (6, -3)),
+        ("pmv10", "variational, order 10", MUTED[6], (6, 0)),
     ):
         runs = studies.work_precision(problem, name, 10.0 ** np.arange(-1.0, -4.1, -1 / 3), repeats=1)
         # Methods for free bodies need no evaluation; a step is then as good a measure.
-        ax.loglog(np.maximum(runs.evaluations, runs.steps), runs.errors["orientation"], style, label=name)
-    ax.set_xlabel("evaluations, or steps of methods without")
-    ax.set_ylabel("orientation error, rad")
-    ax.legend(fontsize=8)
+        work, errors = np.maximum(runs.evaluations, runs.steps), runs.errors["orientation"]
+        shown = (work < 1e5) & np.isfinite(errors)
+        ax.loglog(work[shown], errors[shown], color=color)
+        _label(ax, (work[shown][-1], errors[shown][-1]), text, color, shift)
+    ax.set_xlim(80, 1e5)
+    ax.set_xlabel("evaluations of the equations of motion")
+    ax.set_ylabel("error of the orientation (rad)")
+    _better(ax, (0.2, 0.3), (0.05, 0.06))
     _save("integrate.png")
 
 
@@ -80,49 +128,78 @@ def touch() -> None:
 
     reference = end(1.25e-5, "rkmk8")
     steps = 2e-3 * 0.5 ** (np.arange(13) / 2)
-    for i, method in enumerate(("rkmk", "rkmk5", "rkmk8")):
+    for method, order, color, shift in (
+        ("rkmk", 4, MUTED[0], 4),
+        ("rkmk5", 5, MUTED[2], -9),
+        ("rkmk8", 8, MUTED[7], 0),
+    ):
         for locate in (True, False):
-            errors = [np.linalg.norm(end(dt, method, locate) - reference) for dt in steps]
-            label = f"{method}, {'located' if locate else 'not located'}"
-            ax.loglog(steps, errors, f"C{i}{'.-' if locate else ':'}", label=label)
-    ax.set_xlabel("step, s")
-    ax.set_ylabel("position error, m")
-    ax.set_ylim(1e-17, 1.0)
-    ax.legend(fontsize=8, ncols=3, loc="upper center")
+            errors = np.array([np.linalg.norm(end(dt, method, locate) - reference) for dt in steps])
+            ax.loglog(steps, errors, color=color if locate else _GREY, lw=2.2 if locate else 1.2)
+            if locate:
+                _label(ax, (steps[0], errors[0]), f"located: order {order}", color, (6, shift))
+    _label(ax, (steps[0], 4e-5), "not located: order 1", _GREY, (6, 4))
+    ax.set(xlim=(2.5e-5, 2.2e-3), ylim=(1e-17, 1e-3))
+    ax.set_xlabel("step of the integration (s)")
+    ax.set_ylabel("error of the position (m)")
+    _better(ax, (0.72, 0.42), (0.72, 0.2))
     _save("contact.png")
 
 
 def optimise() -> None:
     """Two extremals of the arm."""
     figure = plt.figure(figsize=_SIZE, layout="constrained")
-    figure.suptitle("An arm turned over with minimum effort: two extremals", fontsize=11)
+    figure.suptitle("An arm turned over with minimum effort, two ways", fontsize=14)
     motions = (
-        (ocp.arm_motion(np.pi), "the thesis'"),
-        (ocp.arm_motion(-np.pi, turn=-2 * np.pi), "a cheaper one"),
+        (ocp.arm_motion(np.pi), "the thesis' way"),
+        (ocp.arm_motion(-np.pi, turn=-2 * np.pi), "with less effort"),
     )
+    colors = plt.get_cmap("plasma")
     for k, (found, name) in enumerate(motions):
         ax = figure.add_subplot(1, 2, k + 1)
-        for t in np.linspace(0.0, 10.0, 41):
+        for t in np.linspace(0.0, 10.0, 31):
             first, second = found.state(t)[:2]
             elbow = 2.0 * np.array([np.cos(first), np.sin(first)])
             hand = elbow + 0.5 * np.array([np.cos(first + second), np.sin(first + second)])
-            ax.plot(*np.array([[0, 0], elbow, hand]).T, "-", color=plt.cm.viridis(t / 10), lw=1.2, alpha=0.8)
+            ax.plot(*np.array([[0, 0], elbow, hand]).T, color=colors(0.085 * t), lw=1.6)
+        ax.plot(0.0, 0.0, "ko", ms=7)
         ax.set_aspect("equal")
         ax.set_axis_off()
-        ax.set_title(f"{name}: cost {found.cost:.4f}", fontsize=9)
+        ax.set(xlim=(-1.1, 2.6), ylim=(-3.0, 3.0))
+        ax.set_title(f"{name}:\ncost {found.cost:.4f}", fontsize=13)
+        _label(ax, (0.0, -2.75), "start", colors(0.0), (10, 0))
+        _label(ax, (0.0, 2.75), "after 10 s", colors(0.8), (10, 0))
     _save("optimise.png")
 
 
+def _frames(scene: viewer.Scene, times: Sequence[float], size: tuple[int, int]) -> list[Image.Image]:
+    return [Image.open(io.BytesIO(png)).convert("RGB") for png in pictures(scene, list(times), size)]
+
+
+def _write(pen: ImageDraw.ImageDraw, center: tuple[float, float], text: str, size: float) -> None:
+    pen.multiline_text(
+        center, text, "black", ImageFont.load_default(size), anchor="mm", align="center", spacing=0.2 * size
+    )
+
+
 def _strip(name: str, dive: ocp.DiveSolution, fractions: tuple[float, ...]) -> None:
-    """Six moments of a dive, side by side."""
-    scene = viewer.Scene(name).add(dive.dive.diver.model, dive.t, dive.q, trails=())
-    scene.camera("side", follow=True)
-    times = [fraction * dive.duration for fraction in fractions]
-    frames = [Image.open(io.BytesIO(png)).convert("RGB") for png in pictures(scene, times, (180, 270))]
-    strip = Image.new("RGB", (180 * len(frames), 270), "white")
-    for i, frame in enumerate(frames):
-        strip.paste(frame, (180 * i, 0))
-    strip.quantize(128).save(FOLDER / name, optimize=True)
+    """Six moments of a dive, three in a row."""
+    side, below, columns = 372, 104, 3
+    scene = viewer.Scene(name).add(dive, trails=()).camera("side", follow=True, zoom=1.05)
+    strip = Image.new("RGB", (side * columns, (side + below) * (len(fractions) // columns)), "white")
+    pen = ImageDraw.Draw(strip)
+    frames = _frames(scene, [fraction * dive.duration for fraction in fractions], (side, side))
+    for i, (fraction, frame) in enumerate(zip(fractions, frames, strict=True)):
+        x, y = side * (i % columns), (side + below) * (i // columns)
+        strip.paste(frame, (x, y))
+        at = int(fraction * (len(dive.t) - 1))
+        turned = [f"{dive.somersaults[at]:.1f} somersaults"]
+        if np.ptp(dive.twists) > 0.01:
+            turned.append(f"{abs(dive.twists[at]):.1f} twists")
+        else:
+            turned.insert(0, f"after {dive.t[at]:.1f} s")
+        _write(pen, (x + side / 2, y + side + below / 2), "\n".join(turned), 36)
+    _reduce(strip, name, 128)
 
 
 def dive() -> None:
@@ -149,15 +226,15 @@ def recorded() -> None:
         path = np.stack([t, 0 * t, 3.0 - 4.9 * t**2], axis=1)
         performances.append(motion.Performance(t, ["hip", "shoulder", "knee", "neck"], joints, path))
         scores.append(7.0 + 0.8 * depth - 0.5 * delay + rng.uniform(-0.17, 0.17))
-    worth = motion.validate(performances, scores)
-    ax = _axes("Synthetic motions, each scored by a model that has not seen it")
-    ax.plot(scores, worth.predictions, "C0o", label=f"left out: rms error {worth.rms_error:.2f}")
-    for baseline in worth.baselines[:1]:
-        ax.plot(scores, baseline.predictions, "C7x", label=f"{baseline.name}: {baseline.rms_error:.2f}")
-    ax.axline((7.0, 7.0), slope=1.0, color="k", lw=0.8)
-    ax.set_xlabel("judge")
-    ax.set_ylabel("scored")
-    ax.legend(fontsize=8)
+    found = motion.validate(performances, scores)
+    ax = _axes("Scores from motion alone (synthetic motions)")
+    ax.plot(scores, found.predictions, "o", color=MUTED[0], ms=6)
+    ends = np.array([min(scores), max(scores)])
+    ax.plot(ends, ends, color=_GREY, lw=1.5)
+    _label(ax, (ends[1], ends[1]), "as the judge", _GREY, (-100, 4))
+    _label(ax, (ends[0], ends[1]), f"off by {found.rms_error:.2f} points (rms)", MUTED[0], (0, -4))
+    ax.set_xlabel("score of the judge")
+    ax.set_ylabel("score of the model\nthat has not seen it")
     _save("recorded.png")
 
 
@@ -169,22 +246,26 @@ def lyapunov() -> None:
     middle = (-0.027597, 3.068603, 0.477425, 0.009792, -0.203408, 0.019078, -0.209560, 0.019651)
     times = np.linspace(0.1, 5.0, 50)
     exponents = np.array([found.exponents for found in flow.spectra(middle, times)])
-    ax = _axes("An arm's optimal control: eight rates, two time scales")
+    ax = _axes("Optimal control of an arm: fast and slow directions")
     for k, row in enumerate(exponents.T):
-        ax.plot(times, row, "C3" if abs(exponents[-1, k]) > 2.0 else "C0")
-    ax.set_ylim(-15, 15)
-    ax.set_xlabel("averaging time, s")
-    ax.set_ylabel("finite-time Lyapunov exponent, 1/s")
+        ax.plot(times, row, color=MUTED[1] if abs(exponents[-1, k]) > 2.0 else MUTED[0])
+    for height, text, color in (
+        (3.0, "two grow fast", MUTED[1]),
+        (0.0, "four are slow", MUTED[0]),
+        (-3.0, "two decay fast", MUTED[1]),
+    ):
+        _label(ax, (times[-1], height), text, color)
+    ax.set(xlim=(0, 7.4), ylim=(-12, 12), xticks=range(6))
+    ax.set_xlabel("averaging time (s)", loc="left")
+    ax.set_ylabel("growth rate of\na perturbation (1/s)")
     _save("lyapunov.png")
 
 
 def _dive_scene() -> tuple[viewer.Scene, float]:
     """5174D, and its duration."""
     dive = ocp.dive_5174d().solve()
-    scene = (
-        viewer.Scene("Dive").add(dive.dive.diver.model, dive.t, dive.q, trails=()).camera("side", follow=True)
-    )
-    return scene, dive.duration
+    scene = viewer.Scene("Dive").add(dive, trails=()).water().platform(dive.dive.options["platform"])
+    return scene.camera("side", follow=True, zoom=1.1), dive.duration
 
 
 def _flip_scene() -> tuple[viewer.Scene, float]:
@@ -200,7 +281,7 @@ def _flip_scene() -> tuple[viewer.Scene, float]:
             ((0.018, 0.05, 0.016), (0.0, 0.0164, 0.0), "#332288"),
         )
     ]
-    return viewer.Scene("Flip").add(turned, shapes=bars, trails=()).camera("corner"), _FILM_SECONDS
+    return viewer.Scene("Flip").add(turned, shapes=bars, trails=()).camera("corner", zoom=1.1), _FILM_SECONDS
 
 
 def _top_scene() -> tuple[viewer.Scene, float]:
@@ -222,40 +303,38 @@ def _top_scene() -> tuple[viewer.Scene, float]:
         viewer.Cylinder(tip, (0.0, 0.0, -0.005), 0.0, 0.004, color="#777777"),
         viewer.Cylinder((0.0, 0.0, 0.005), (0.0, 0.0, 0.03), 0.003, color="#777777"),
     )
-    return viewer.Scene("Top").ground().add(motion, shapes=shapes, trails=(("body", tip),)), end
+    scene = viewer.Scene("Top").add(motion, shapes=shapes, trails=(("body", tip),))
+    return scene.camera("corner", zoom=1.05), end
 
 
 def film() -> None:
     """Ten seconds of a dive, a flip and a top, and a still of them."""
-    size, columns, labels = (300, 300), [], []
+    side, below, columns, labels = 256, 66, [], []
     for label, made in (
         ("an optimal dive", _dive_scene),
-        ("the Dzhanibekov effect", _flip_scene),
-        ("a top that touches the ground", _top_scene),
+        ("a T-bar flips over", _flip_scene),
+        ("a top on the ground", _top_scene),
     ):
         scene, duration = made()
         slower = round(_FILM_SECONDS / duration)
-        labels.append(f"{label}, {slower} times slower" if slower > 1 else label)
-        times = list(np.linspace(0.0, duration, _FILM_SECONDS * _FILM_RATE))
-        columns.append([Image.open(io.BytesIO(png)).convert("RGB") for png in pictures(scene, times, size)])
-    font = ImageFont.load_default(15)
+        labels.append(f"{label}\n{f'{slower} times slower' if slower > 1 else 'as fast as it is'}")
+        columns.append(_frames(scene, np.linspace(0.0, duration, _FILM_SECONDS * _FILM_RATE), (side, side)))
     frames = []
     for row in zip(*columns, strict=True):
-        frame = Image.new("RGB", (size[0] * len(row), size[1] + 26), "white")
+        frame = Image.new("RGB", (side * len(row), side + below), "white")
         pen = ImageDraw.Draw(frame)
         for i, (picture, label) in enumerate(zip(row, labels, strict=True)):
-            frame.paste(picture, (size[0] * i, 0))
-            pen.text((size[0] * (i + 0.5), size[1] + 13), label, "black", font, anchor="mm")
+            frame.paste(picture, (side * i, 0))
+            _write(pen, (side * (i + 0.5), side + below / 2), label, 24)
         frames.append(frame)
-    still = frames[len(frames) // 3]
-    still.quantize(128).save(FOLDER / "film.png", optimize=True)
+    _reduce(frames[len(frames) // 3], "film.png", 128)
     frames[0].save(
         FOLDER / "film.webp",
         save_all=True,
         append_images=frames[1:],
         duration=1000 // _FILM_RATE,
         loop=0,
-        quality=55,
+        quality=40,
         method=6,
     )
 

@@ -42,7 +42,7 @@ def frames(t: Array, points: Array, columns: int = 6) -> Axes:
         ax.add_patch(cart)
         ax.plot(*points[k].T, color="0.2", lw=3.0, solid_capstyle="round", zorder=3)
         ax.plot(*points[k, 1:].T, "o", ms=11, color="#D55E00", mec="0.2", mew=0.8, zorder=4)
-        ax.set_title(f"{t[k]:.2f} s", fontsize=10)
+        ax.set_title(f"{t[k]:.2f} s", fontsize=11)
         ax.set_aspect("equal")
         ax.set(xlim=(left - 0.3, right + 0.3), ylim=(low - 0.25, high + 0.25), yticks=[-1, 0, 1])
         for side in ("top", "right"):

@@ -8,7 +8,7 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Callable
-from importlib.util import find_spec, module_from_spec, spec_from_file_location
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -18,6 +18,7 @@ import pytest
 
 import somersault
 from somersault.cli import main
+from somersault.viewer import film
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -146,16 +147,23 @@ def test_there_are_notebooks_that_say_what_they_show() -> None:
         assert first["cell_type"] == "markdown" and first["source"][0].startswith("# ")
 
 
-@pytest.mark.skipif(find_spec("mkdocs") is None, reason="mkdocs is not installed (extra `docs`)")
-def test_the_book_is_built_without_a_warning_and_its_links_lead_somewhere(tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path)]
+@pytest.fixture(scope="module")
+def book(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The book, built without a warning."""
+    pytest.importorskip("mkdocs", reason="mkdocs is not installed (extra `docs`)")
+    folder = tmp_path_factory.mktemp("book")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
     built = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert built.returncode == 0, built.stderr
+    return folder
+
+
+def test_links_of_the_book_lead_somewhere(book: Path) -> None:
     # a relative folder, as `make docs` gives it
-    folder = Path(os.path.relpath(tmp_path))
+    folder = Path(os.path.relpath(book))
     faults, followed = script("check_links").broken(folder, without=("rust",))
     assert faults == [] and followed > 500
-    pages = {path.relative_to(tmp_path): path.read_text("utf-8") for path in tmp_path.rglob("*.html")}
+    pages = {path.relative_to(book): path.read_text("utf-8") for path in book.rglob("*.html")}
     assert not [name for name, text in pages.items() if 'class="arithmatex"' in text or "```" in text]
     assert not [
         name for name, text in pages.items() if re.search(r'<(script|link)[^>]*(src|href)="https?:', text)
@@ -166,6 +174,18 @@ def test_the_book_is_built_without_a_warning_and_its_links_lead_somewhere(tmp_pa
         if re.search(r'–\s*<div class="doc-md-description">\s*</div>', text)
     ]
     assert "(xᵢ − x*ᵢ)²" in pages[Path("reference/ocp.html")]
+
+
+@pytest.mark.skipif(film.browser() is None, reason=f"no browser: none of {', '.join(film.BROWSERS)}")
+@pytest.mark.parametrize("page", ["index.html", "guides/contact.html"])
+def test_the_book_is_searched_from_the_disk(book: Path, page: str) -> None:
+    """By a word in the address, which the theme takes as if it were typed."""
+    address = f"{(book / page).as_uri()}?q=saltation"
+    ran = film.headless(address, "--dump-dom", "--virtual-time-budget=20000")
+    assert "CONSOLE" not in ran.stderr, ran.stderr
+    assert re.search(r"\d matching documents", ran.stdout), ran.stdout[:2000]
+    found = re.findall(r'<a href="([^"]*)" class="md-search-result__link"', ran.stdout)
+    assert any("decisions/contact.html" in link for link in found), found
 
 
 def test_the_tables_of_the_book_have_every_method_once() -> None:

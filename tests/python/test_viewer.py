@@ -370,7 +370,6 @@ PUSH = np.tile([0.0, 0.0, 10.0], (3, 1))
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (add(moving="diver"), "`moving` must be a Model, a RigidBody, or a solution"),
         (add(t=None), "`t` and `q` must be given"),
         (add(t=()), "`t` must have a time at least"),
         (add(t=(0.0, 0.5, 0.5)), "`t` must rise from one to the next, found 0.5 and then 0.5"),
@@ -448,7 +447,7 @@ def test_what_does_not_fit_is_refused(call: Callable[[], object], message: str) 
 def test_times_beside_a_solution_and_nameless_shapes_of_several_are_refused(
     tumble: somersault.Solution,
 ) -> None:
-    with pytest.raises(InputError, match="must not be given beside a solution"):
+    with pytest.raises(InputError, match="must not be given beside a Solution, which has them"):
         viewer.Scene().add(tumble, TIMES)
     with pytest.raises(InputError, match="must be a mapping from the names of bodies"):
         viewer.Scene().add(DIVER.model, [0.0], [DIVER.configuration("A")], shapes=viewer.Sphere(0.1))

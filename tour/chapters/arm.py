@@ -49,7 +49,7 @@ def _panels(t: Array, rows: Sequence[tuple[Array, Sequence[str], str]]) -> Axes:
         ax.grid(color="0.92")
         ax.margins(x=0)
         ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    axes[-1].set_xlabel("t, s")
+    axes[-1].set_xlabel("time, s")
     drawn: Axes = axes[0]
     return drawn
 
@@ -69,9 +69,9 @@ def _hamiltonians(results: dict[float, ocp.CollocationResult]) -> Axes:
         axes[0].plot(result.t[:-1], result.hamiltonian, color=colour, lw=1.2, label=label)
         away = np.maximum(np.abs(result.hamiltonian - level), 1e-13)
         axes[1].semilogy(result.t[:-1], away, color=colour, lw=1.0)
-    axes[0].set_ylabel("H")
-    axes[1].set_ylabel("|H − median|")
-    axes[1].set_xlabel("t, s")
+    axes[0].set_ylabel("Hamiltonian")
+    axes[1].set_ylabel("distance from\nits median")
+    axes[1].set_xlabel("time, s")
     axes[0].legend(frameon=False)
     for ax in axes:
         ax.grid(color="0.92")

@@ -51,7 +51,7 @@ def _frames(dive: ocp.DiveSolution, count: int, view: str, n_rows: int, spacing:
             q[1] += offset - center[1]
         q[up] -= center[2]
         plotting.tree_configuration(model, q, view, ax=ax, colour="#ddcc77")
-        ax.text(offset, -1.35, f"{dive.t[node]:.2f} s", ha="center", va="top", fontsize=8)
+        ax.text(offset, -1.35, f"{dive.t[node]:.2f} s", ha="center", va="top", fontsize=11)
     for ax in axes:
         ax.set(xlim=(-0.6 * spacing, spacing * (columns - 0.4)), ylim=(-1.55, 1.25), xlabel="", ylabel="")
         ax.set_aspect("equal")
@@ -121,7 +121,7 @@ def _scene(dive: ocp.DiveSolution, title: str) -> viewer.Scene:
     scene = viewer.Scene(title)
     for name, start, _ in dive.phases:
         scene.caption(start, f"mostly {name}")
-    scene.add(dive.dive.diver.model, dive.t, dive.q, dive.v)
+    scene.add(dive)
     return scene.water(0.0).platform(dive.dive.options["platform"]).camera("corner").play(0.5)
 
 

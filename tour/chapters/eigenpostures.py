@@ -127,7 +127,7 @@ def _blend(diver: multibody.Diver, pairs: tuple[tuple[str, str], ...], weights: 
             ax.set(xlabel="", ylabel="", xticks=[], yticks=[])
             for side in ax.spines.values():
                 side.set_visible(False)
-            ax.set_title(f"{first} to {second}: w = {weight:g}", fontsize=9)
+            ax.set_title(f"{first} to {second}: w = {weight:g}", fontsize=11)
     drawn: Axes = axes[0, 0]
     return drawn
 

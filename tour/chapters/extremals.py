@@ -98,11 +98,11 @@ def _torques(free: ftla.Extremal, limited: ftla.Extremal, limits: Array) -> Axes
         ax.plot(t, limited.control(t)[:, i], color=_COLOURS[i], lw=1.8, label="within limits")
         for sign in (-1.0, 1.0):
             ax.axhline(sign * limits[i], color="0.3", lw=0.8, ls=(0, (4, 3)))
-        ax.set_ylabel(f"u{'₁₂'[i]}, N m")
+        ax.set_ylabel(f"torque u{'₁₂'[i]}, N m")
         ax.grid(color="0.92")
         ax.margins(x=0)
         ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    axes[-1].set_xlabel("t, s")
+    axes[-1].set_xlabel("time, s")
     drawn: Axes = axes[0]
     return drawn
 
@@ -111,7 +111,7 @@ def _paths(found: dict[str, Solved]) -> Axes:
     """The path of the tip."""
     import matplotlib.pyplot as plt
 
-    figure = plt.figure(figsize=(9.6, 3.6), layout="constrained")
+    figure = plt.figure(figsize=(8.0, 3.6), layout="constrained")
     axes = figure.subplots(1, len(found), sharex=True, sharey=True)
     for ax, (name, each), colour in zip(axes, found.items(), _COLOURS, strict=True):
         elbow, end = tip(each.extremal(np.linspace(0.0, 10.0, 301)))
@@ -119,7 +119,7 @@ def _paths(found: dict[str, Solved]) -> Axes:
         ax.plot(*end.T, color=colour, lw=1.6)
         for k in (0, 30, 60, 150, 240, 270, 300):
             ax.plot(*np.transpose([[0.0, 0.0], elbow[k], end[k]]), color="0.45", lw=0.8)
-        ax.set_title(name.replace(", ", ",\n"), fontsize=8)
+        ax.set_title(name.replace(", ", ",\n"), fontsize=11)
         ax.set_aspect("equal")
         ax.axis("off")
     drawn: Axes = axes[0]

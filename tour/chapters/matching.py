@@ -141,12 +141,12 @@ def _errors(grid: ftla.MatchingResult) -> Axes:
         size = np.linalg.norm(difference, axis=1)
         axes[0].semilogy(t, size, label=name, **look)
         axes[1].semilogy(t, size / np.linalg.norm(to, axis=1), **look)
-    for ax, label in zip(axes, ("‖Δp‖", "‖Δp‖ / ‖p‖"), strict=True):
+    for ax, label in zip(axes, ("difference ‖Δp‖", "relative, ‖Δp‖ / ‖p‖"), strict=True):
         ax.set_ylabel(label)
         ax.grid(color="0.92")
         ax.margins(x=0)
     axes[0].legend(frameon=False, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0))
-    axes[1].set_xlabel("t, s")
+    axes[1].set_xlabel("time, s")
     drawn: Axes = axes[0]
     return drawn
 

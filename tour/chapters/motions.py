@@ -215,7 +215,7 @@ def frame(page: Page, scene: viewer.Scene, name: str, caption: str) -> None:
 def _fit_scene(page: Page, dive: ocp.DiveSolution, fit: motion.MotionFit) -> None:
     scene = viewer.Scene("5174D, from noisy markers")
     scene.add(fit.model, fit.times, dive.q, label="the dive")
-    scene.add(fit.model, fit.times, fit.q, label="fitted to markers", panel=1)
+    scene.add(fit, label="fitted to markers", panel=1)
     scene.water(0.0).platform(dive.dive.options["platform"]).camera("corner").play(0.5)
     frame(
         page,

@@ -109,14 +109,14 @@ def _turns(recordings: Mapping[str, Recorded], fits: Mapping[str, motion.MotionF
         for k, (axis, colour) in enumerate(zip(("forward", "left", "long axis"), _COLOURS, strict=False)):
             ax.plot(recordings[name].times, found[0][:, k], color=colour, lw=1.7, label=axis)
             ax.plot(fits[name].times, found[1][:, k], color=colour, lw=0.9, ls="--")
-        ax.set_title(name, fontsize=10)
+        ax.set_title(name, fontsize=11)
         ax.grid(color="0.92")
         ax.margins(x=0)
     for ax in axes[:, 0]:
         ax.set_ylabel("turns")
     for ax in axes[-1]:
         ax.set_xlabel("time, s")
-    axes[0, 0].legend(frameon=False, fontsize=8)
+    axes[0, 0].legend(frameon=False, fontsize=11)
     drawn: Axes = axes[0, 0]
     return drawn
 
@@ -135,14 +135,14 @@ def _body_centred(fits: dict[str, motion.MotionFit]) -> Axes:
         )
         for k, (axis, colour) in enumerate(zip(("forward", "left", "long axis"), _COLOURS, strict=False)):
             bottom.plot(fit.times, tensors[:, k, k], color=colour, lw=1.6, label=axis)
-        top.set_title(name, fontsize=10)
+        top.set_title(name, fontsize=11)
         bottom.set_xlabel("time, s")
         for ax in (top, bottom):
             ax.grid(color="0.92")
             ax.margins(x=0)
     axes[0, 0].set_ylabel("height of the\ncentre of mass, m")
     axes[1, 0].set(ylabel="moment of inertia, kg m²", ylim=(0.0, None))
-    axes[1, -1].legend(frameon=False, fontsize=8)
+    axes[1, -1].legend(frameon=False, fontsize=11)
     drawn: Axes = axes[0, 0]
     return drawn
 
@@ -157,14 +157,14 @@ def _posture_space(fits: dict[str, motion.MotionFit], diver: multibody.Diver, le
         for k, letter in enumerate(letters[1:]):
             top.plot(fit.times, found.weights[:, k], color=_COLOURS[k], lw=1.8, label=letter)
         bottom.plot(fit.times, np.degrees(found.distances), color="0.25", lw=1.4)
-        top.set_title(name, fontsize=10)
+        top.set_title(name, fontsize=11)
         bottom.set_xlabel("time, s")
         for ax in (top, bottom):
             ax.grid(color="0.92")
             ax.margins(x=0)
     axes[0, 0].set(ylabel="weight", ylim=(-0.02, 1.02))
-    axes[1, 0].set(ylabel="rest, °", ylim=(0.0, None))
-    axes[0, -1].legend(frameon=False, fontsize=9)
+    axes[1, 0].set(ylabel="angle of the rest, °", ylim=(0.0, None))
+    axes[0, -1].legend(frameon=False, fontsize=11)
     drawn: Axes = axes[0, 0]
     return drawn
 
@@ -215,7 +215,7 @@ def _synthetic(page: Page, measurements: Measurements) -> None:
     scene = viewer.Scene("SYNTHETIC: a twisting dive").camera("corner").water(0.0).play(0.5)
     name = "over-rotated"
     scene.add(diver.model, recordings[name].times, recordings[name].q, label="synthetic motion")
-    scene.add(diver.model, fits[name].times, fits[name].q, label="fitted diver", panel=1)
+    scene.add(fits[name], label="fitted diver", panel=1)
     frame(page, scene, "recorded", "The over-rotated flight, and the diver fitted to its markers.")
 
 
@@ -349,6 +349,6 @@ def _people(page: Page, folder: str) -> None:
     )
     recording = skeletons["backflip"]
     scene = viewer.Scene("Backflip").ground(0.0).camera("corner").play(0.5)
-    scene.add(recording.skeleton.model(65.0), recording.times, recording.configurations, label="recording")
-    scene.add(diver.model, fits["backflip"].times, fits["backflip"].q, label="fitted diver", panel=1)
+    scene.add(recording, label="recording")
+    scene.add(fits["backflip"], label="fitted diver", panel=1)
     frame(page, scene, "backflip", "The recorded backflip, and the diver fitted to its joints.")

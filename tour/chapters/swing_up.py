@@ -120,7 +120,7 @@ def _curves(motion: ocp.Motion, optimum: ocp.CollocationResult) -> Axes:
         ax.grid(color="0.92")
         ax.margins(x=0)
     axes[0].legend(frameon=False)
-    axes[-1].set_xlabel("t, s")
+    axes[-1].set_xlabel("time, s")
     drawn: Axes = axes[0]
     return drawn
 

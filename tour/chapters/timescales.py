@@ -45,7 +45,7 @@ def _strategy() -> Axes:
     ax.plot(*motion.T, color=_CENTER, lw=2.4, label="optimum")
     ax.plot(*motion[0], "o", color=_STABLE, ms=8)
     ax.plot(*motion[-1], "o", color=_UNSTABLE, ms=8)
-    ax.set(xlim=(-0.3, 1.5), ylim=(-5.5, 1.2), xlabel="x", ylabel="λ")
+    ax.set(xlim=(-0.3, 1.5), ylim=(-5.5, 1.2), xlabel="state x", ylabel="costate λ")
     ax.grid(color="0.92")
     ax.legend(frameon=False, loc="lower left")
     return ax
@@ -97,7 +97,7 @@ def _stages(extremal: ftla.Extremal) -> Axes:
             shade: dict[str, Any] = {"alpha": 0.2 + 0.8 * k / (len(elbow) - 1), "solid_capstyle": "round"}
             ax.plot([0.0, joint[0]], [0.0, joint[1]], color="0.35", lw=2.0, **shade)
             ax.plot([joint[0], last[0]], [joint[1], last[1]], color=colour, lw=2.6, **shade)
-        ax.set_title(name, fontsize=10)
+        ax.set_title(name, fontsize=11)
         ax.set_aspect("equal")
         ax.set_xlabel("m")
     axes[0].set_ylabel("m")
@@ -137,7 +137,7 @@ def _panels(extremal: ftla.Extremal) -> tuple[Axes, dict[str, ftla.Diagnosis]]:
         spectra = flow().spectra(extremal(t), _AVERAGING, direction)
         said[name] = ftla.diagnose(spectra, thesis.ARM_HORIZON)
         plotting.exponents(spectra, said[name].dims, ax)
-        ax.set_title(name, fontsize=10)
+        ax.set_title(name, fontsize=11)
         ax.set_ylim(-10.0, 10.0)
         ax.label_outer()
     drawn: Axes = axes[0, 0]

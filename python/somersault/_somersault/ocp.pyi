@@ -218,6 +218,8 @@ class MotionProblem:
 @final
 class Motion:
     @property
+    def model(self) -> Model: ...
+    @property
     def t(self) -> _Floats: ...
     @property
     def q(self) -> _Floats: ...
@@ -424,6 +426,8 @@ class DiveVerification:
 @final
 class LiteralDive:
     @property
+    def model(self) -> Model: ...
+    @property
     def t(self) -> _Floats: ...
     @property
     def q(self) -> _Floats: ...
@@ -604,6 +608,8 @@ class CollocationOutcome:
 
 @final
 class CollocationResult(CollocationOutcome):
+    @property
+    def model(self) -> Model: ...
     @property
     def t(self) -> _Floats: ...
     @property

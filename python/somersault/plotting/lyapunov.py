@@ -59,8 +59,8 @@ def exponents(
         colour = STABLE if i < stable else CENTER if i < stable + center else UNSTABLE
         ax.plot(times, curve, color=colour, lw=1.5)
     ax.axhline(0.0, color="0.8", lw=0.8, zorder=0)
-    ax.set_xlabel("averaging time T, s")
-    ax.set_ylabel("μ, 1/s")
+    ax.set_xlabel("averaging time, s")
+    ax.set_ylabel("growth rate μ, 1/s")
     ax.margins(x=0)
     return ax
 
@@ -186,7 +186,7 @@ def subspace_angles(
     labels = ("field and $E^{cs}$", "field and $E^{cu}$", "$E^s$ and $E^u$")
     for column, label, colour in zip(np.rad2deg(found).T, labels, (STABLE, UNSTABLE, "0.4"), strict=True):
         ax.semilogy(times, column, color=colour, label=label, lw=1.6)
-    ax.set_xlabel("t, s")
+    ax.set_xlabel("time, s")
     ax.set_ylabel("angle, °")
     ax.margins(x=0)
     ax.grid(color="0.92")
@@ -246,7 +246,7 @@ def compare_motions(
         ax.grid(color="0.92")
         ax.margins(x=0)
     for ax in axes[rows - 1 :: rows]:
-        ax.set_xlabel("t, s")
+        ax.set_xlabel("time, s")
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
     drawn: Axes = axes[0]
     return drawn

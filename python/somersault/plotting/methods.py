@@ -102,8 +102,8 @@ def stability_regions(regions: Mapping[str, Any], ax: Axes | None = None) -> Axe
     ax.axhline(0.0, color="0.8", linewidth=0.8, zorder=0)
     ax.axvline(0.0, color="0.8", linewidth=0.8, zorder=0)
     ax.set_aspect("equal")
-    ax.set_xlabel(r"$\lambda_R\,\Delta t$")
-    ax.set_ylabel(r"$\lambda_I\,\Delta t$")
+    ax.set_xlabel(r"growth in a step, $\lambda_R\,\Delta t$")
+    ax.set_ylabel(r"oscillation in a step, $\lambda_I\,\Delta t$, rad")
     ax.legend(
         handles=handles, title="method (area)", loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False
     )

@@ -86,11 +86,11 @@ def motion_groups(
             if panel in ("eigenweight", "rotation"):
                 drawn = motion.GroupComparison({name: [fit]}, panel, **options)  # type: ignore[arg-type]
                 ax.plot(frames, drawn.series(name)[0], color=_SINGLE, lw=1.3, label=name)
-        ax.set_title(f"({letter})", loc="left", fontsize=10)
+        ax.set_title(f"({letter})", loc="left", fontsize=11)
         ax.set_ylabel(_LABELS[panel])
         ax.grid(color="0.92")
         ax.margins(x=0)
     for ax in axes[2:]:
         ax.set_xlabel("frame")
-    axes[0].legend(frameon=False, fontsize=9)
+    axes[0].legend(frameon=False, fontsize=11)
     return axes

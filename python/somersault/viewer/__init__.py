@@ -14,11 +14,21 @@ arrows of contact forces, angular momentum and angular velocity; two motions can
 >>> scene = viewer.Scene("A tuck").add(diver.model, t, q).water(0.0).platform(10.0)
 >>> len(scene.html()) < 300_000
 True
+
+Results are added as they are: a solution brings its bodies and what they touch, a dive its diver, a recording
+its markers or its skeleton.
+
+>>> import somersault
+>>> top = somersault.contact.spinning_top()
+>>> run = somersault.integrate(
+...     top.body, top.state, (0.0, 0.1), dt=1e-4, forces=top.forces, contacts=top.contacts
+... )
+>>> page = viewer.Scene("A top").add(run).html()
 """
 
 from somersault.viewer.figures import equivalent_ellipsoid, figure
 from somersault.viewer.scene import Scene, animate
-from somersault.viewer.shapes import Box, Capsule, Cylinder, Ellipsoid, Loft, Shape, Sphere
+from somersault.viewer.shapes import Box, Capsule, Cylinder, Ellipsoid, Loft, Mesh, Shape, Sphere
 
 __all__ = [
     "Box",
@@ -26,6 +36,7 @@ __all__ = [
     "Cylinder",
     "Ellipsoid",
     "Loft",
+    "Mesh",
     "Scene",
     "Shape",
     "Sphere",

@@ -12,12 +12,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
+from somersault._somersault.contact import Contact
 from somersault._somersault.integrators import Trajectory
+from somersault._somersault.motion import MarkerRecording
 from somersault._somersault.multibody import Model, TreeSolution
 from somersault.errors import InputError
+from somersault.viewer.contacts import body_shapes
 from somersault.viewer.figures import equivalent_ellipsoid, figure
-from somersault.viewer.shapes import Box, Ellipsoid, RoundShape, Shape, rgb
-from somersault.viewer.tracks import Moving, Touch, Track
+from somersault.viewer.results import Source
+from somersault.viewer.shapes import Box, Ellipsoid, Mesh, RoundShape, Shape, Sphere, rgb
+from somersault.viewer.tracks import Touch, Track
 
 __all__ = ["Actor", "Shapes", "View", "body_index", "default_shapes", "named_shapes", "shape_data"]
 
@@ -25,6 +29,8 @@ Array = NDArray[np.float64]
 View: TypeAlias = Literal["corner", "side", "front", "top"]
 Shapes: TypeAlias = Shape | Sequence[Shape] | Mapping[str, Shape | Sequence[Shape]]
 
+#: Radius of a marker, in distances of the farthest one from the middle.
+_MARKER = 0.02
 #: Paul Tol's *bright* colours, distinct for the colour-blind.
 COLORS = ("#4477aa", "#cc3311", "#228833", "#aa3377", "#ccbb44", "#66ccee")
 
@@ -59,19 +65,19 @@ class Actor:
     def radius(self) -> float:
         """Of the ball about the centre of mass that holds all shapes."""
         points, at = self._skin
-        return float(np.linalg.norm(points - self.track.center[at, None], axis=-1).max())
+        return float(np.nanmax(np.linalg.norm(points - self.track.center[at, None], axis=-1)))
 
     @property
     def region(self) -> tuple[Array, Array]:
         """The corners of the box that holds all shapes at all times."""
         points = self._skin[0].reshape(-1, 3)
-        return points.min(axis=0), points.max(axis=0)
+        return np.nanmin(points, axis=0), np.nanmax(points, axis=0)
 
     @property
     def view(self) -> View:
         """From the side or from the top for what moves in such a plane."""
         places = np.concatenate([self.track.poses[:, :, :3].reshape(-1, 3), self.track.center])
-        spans = np.ptp(places, axis=0)
+        spans = np.nanmax(places, axis=0) - np.nanmin(places, axis=0)
         flat = spans < 1e-9 * self.radius
         planes: dict[tuple[bool, ...], View] = {
             (False, True, False): "side",
@@ -119,6 +125,7 @@ class Actor:
                     "point": at.point.tolist(),
                     "times": packed(at.t - start),
                     "forces": packed(at.forces),
+                    **({} if at.offsets is None else {"offsets": packed(at.offsets)}),
                 }
                 for at in self.touches
             ]
@@ -137,8 +144,10 @@ def shape_data(shape: Shape, color: str) -> dict[str, Any]:
             form = {"rings": packed(shape.rings)}
         case Box():
             form = {"lengths": np.asarray(shape.lengths, dtype=np.float64).tolist()}
+        case Mesh():
+            form = {"vertices": packed(shape.vertices), "triangles": packed(shape.triangles)}
         case _:
-            raise InputError(f"a shape must be a box or a round solid, found {type(shape).__name__}")
+            raise InputError(f"a shape must be a box, a mesh or a round solid, found {type(shape).__name__}")
     return {
         **form,
         "position": np.round(shape.position, 7).tolist(),
@@ -148,18 +157,26 @@ def shape_data(shape: Shape, color: str) -> dict[str, Any]:
     }
 
 
-def default_shapes(moving: Moving) -> dict[str, list[Shape]]:
-    """The shapes of a motion that came without."""
-    if isinstance(moving, Model | TreeSolution):
-        return figure(moving.model if isinstance(moving, TreeSolution) else moving)
-    owner = moving.body if isinstance(moving, Trajectory) else moving
-    bodies = owner if isinstance(owner, list) else [owner]
+def default_shapes(
+    source: Source, track: Track, contacts: Sequence[Sequence[Contact]]
+) -> Mapping[str, Sequence[Shape]]:
+    """The shapes of a motion that came without, by the contacts of each body where it has any."""
+    match source:
+        case TreeSolution():
+            return figure(source.model)
+        case Model():
+            return figure(source)
+        case MarkerRecording():
+            # Markers of some size about the middle of those that are seen.
+            away = np.linalg.norm(track.poses[..., :3] - track.center[:, None], axis=-1)
+            radius = _MARKER * float(np.nanmax(away)) or 0.01
+            return {name: [Sphere(radius)] for name in track.names}
+    owner = source.body if isinstance(source, Trajectory) else source
     found: dict[str, list[Shape]] = {}
-    for k, body in enumerate(bodies):
+    for k, body in enumerate(owner if isinstance(owner, list) else [owner]):
         radii, turn = equivalent_ellipsoid(body.mass, body.inertia)
-        radii = np.maximum(radii, 0.02 * radii.max())
-        name = "body" if len(bodies) == 1 else f"body_{k}"
-        found[name] = [Ellipsoid(radii, orientation=turn, checkered=True)]
+        solid = Ellipsoid(np.maximum(radii, 0.02 * radii.max()), orientation=turn, checkered=True)
+        found[track.names[k]] = body_shapes(solid, contacts[k] if contacts else ())
     return found
 
 

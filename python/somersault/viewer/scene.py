@@ -15,6 +15,8 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from somersault._somersault.integrators import Solution
+from somersault._somersault.motion import MarkerRecording
 from somersault._somersault.multibody import Model, TreeSolution
 from somersault.errors import InputError
 from somersault.viewer.actors import (
@@ -27,9 +29,11 @@ from somersault.viewer.actors import (
     named_shapes,
     shape_data,
 )
+from somersault.viewer.contacts import contacts_of, ground_of, surface_shape, touches_of
 from somersault.viewer.figures import is_cart_pendulum, rail
+from somersault.viewer.results import Subject, resolve
 from somersault.viewer.shapes import Box, Shape, numbers, positive, rgb
-from somersault.viewer.tracks import Moving, Touch, touch, track
+from somersault.viewer.tracks import Touch, times, touch, track
 
 __all__ = ["Scene", "animate"]
 
@@ -43,6 +47,7 @@ _SPEEDS = (0.01, 0.02, 0.05, 0.1, 0.25, 0.5, 1.0, 2.0)
 _ARROWS = {"angular_momentum": "momentum", "angular_velocity": "rate", "contact_force": "force"}
 _SCRIPTS = ("linear", "meshes", "motion", "shaders", "stage", "camera", "player")
 _CENTER = "center_of_mass"
+_SURFACE = "#c3c7ce"
 
 
 def _choice(argument: str, value: object, allowed: Sequence[object]) -> None:
@@ -61,11 +66,13 @@ def _trail(trail: Trail, names: tuple[str, ...]) -> tuple[int | None, Array]:
     return body_index("trails", trail[0], names), numbers("trails", trail[1], (3,))
 
 
-def _touch(contact: Contact, moving: Moving, t: ArrayLike | None, names: tuple[str, ...]) -> Touch:
+def _touch(contact: Contact, subject: Subject, names: tuple[str, ...]) -> Touch:
     if not (isinstance(contact, tuple) and len(contact) == 3):
         raise InputError(f"`contacts` must be names, points and forces, found {reprlib.repr(contact)}")
     name, point, forces = contact
-    return touch(moving, t, body_index("contacts", name, names), numbers("contacts", point, (3,)), forces)
+    source = subject.source
+    t = source.times if isinstance(source, MarkerRecording) else getattr(source, "t", subject.t)
+    return touch(body_index("contacts", name, names), numbers("contacts", point, (3,)), times(t), forces)
 
 
 class Scene:
@@ -97,8 +104,10 @@ class Scene:
         self._captions: list[tuple[float, str]] = []
         self._view: View | None = None
         self._follow: bool | None = None
+        self._zoom = 1.0
         self._speed = 1.0
         self._arrows: tuple[Arrow, ...] = ()
+        self._normal = False
 
     def __repr__(self) -> str:
         counts = f"motions: {len(self._actors)}, fixed shapes: {len(self._fixed)}"
@@ -106,7 +115,7 @@ class Scene:
 
     def add(
         self,
-        moving: Moving,
+        moving: Any,
         t: ArrayLike | None = None,
         q: ArrayLike | None = None,
         v: ArrayLike | None = None,
@@ -115,15 +124,18 @@ class Scene:
         color: str | None = None,
         label: str = "",
         panel: int = 0,
-        trails: Sequence[Trail] = (_CENTER,),
-        contacts: Sequence[Contact] = (),
+        trails: Sequence[Trail] | None = None,
+        contacts: Sequence[Contact] | None = None,
     ) -> Scene:
         """Adds a motion.
 
         Parameters
         ----------
-        moving : Model, RigidBody, TreeSolution, Solution or Trajectory
-            What moves; a solution has its times with it.
+        moving : object
+            What moves: a Model or a RigidBody with `t` and `q`, a FreeBody with `t`, or a result alone, which
+            has both: a Solution, Trajectory or TreeSolution; a DiveSolution or LiteralDive; the Motion of a
+            problem; what collocation or a search for an extremal of a tree returns; a recording of markers or
+            of a skeleton; a MotionFit; a SyntheticDive. A Solution brings its surfaces too.
         t : array_like, shape (n,)
             Times, s, rising. Those of several motions are on one clock.
         q : array_like, shape (n, n_positions), or (n, 7) for a rigid body
@@ -136,8 +148,9 @@ class Scene:
             and angular velocity in world axes.
         shapes : Shape, or sequence of these, or mapping of str to these
             Looks of the body, or of bodies by their names: `body` for one, `body_0`, `body_1` and so on for
-            several, and those of the model for trees. People for divers, and else the solid ellipsoids
-            of the same inertia, unless given.
+            several, and those of the model for trees. Unless given people for divers, for bodies with
+            contacts the hull of the points, balls and rims that touch, and else the solid ellipsoids of the
+            same inertia.
         color : str
             `#rrggbb` of shapes without one of their own, of the swimsuit for divers.
         label : str
@@ -146,17 +159,19 @@ class Scene:
             Motions with the same number are drawn together, those with others side by side.
         trails : sequence of str or (str, array_like)
             Points that leave a trail: `"center_of_mass"`, the name of a body for its origin, or a name
-            and a point in the axes of that body.
+            and a point in the axes of that body. The centre of mass unless given; of markers none.
         contacts : sequence of (str, array_like, array_like)
             Points that touch: the name of a body, a point in the axes of that body, and the forces on it at
             the times of the motion, of shape (n, 3), N, in world axes, linear between them. While its force
             is not zero a point is marked, and the arrow of the force starts there; both are seen through
-            bodies and ground.
+            bodies and ground. Those of a Solution unless given, with the normal force of each.
 
         Raises
         ------
         InputError
             Lengths do not match, a number is not finite, times do not rise, or a name is unknown.
+        TypeError
+            Nothing moves in what is given; the message says what to add in its place.
 
         Examples
         --------
@@ -171,20 +186,43 @@ class Scene:
         >>> scene.interval
         (0.0, 1.0)
         """
-        found = track(moving, t, q, v)
-        looks = default_shapes(moving) if shapes is None else named_shapes(shapes, found.names)
+        subject = resolve(moving, t, q, v)
+        found = track(subject)
+        touching = contacts_of(moving)
+        looks = (
+            default_shapes(subject.source, found, touching)
+            if shapes is None
+            else named_shapes(shapes, found.names)
+        )
         if not isinstance(panel, int) or not 0 <= panel <= len({actor.panel for actor in self._actors}):
             raise InputError(f"`panel` must be that of another motion or the next one, found {panel!r}")
         paint = COLORS[len(self._actors) % len(COLORS)] if color is None else color
         rgb("color", paint)
+        if trails is None:
+            trails = () if isinstance(subject.source, MarkerRecording) else (_CENTER,)
         points = [_trail(trail, found.names) for trail in trails]
-        touches = [_touch(contact, moving, t, found.names) for contact in contacts]
-        self._actors.append(Actor(found, looks, paint, label, panel, points, touches))
-        model = moving.model if isinstance(moving, TreeSolution) else moving
+        if contacts is not None:
+            touches = [_touch(contact, subject, found.names) for contact in contacts]
+        else:
+            touches = touches_of(moving) if isinstance(moving, Solution) else []
+            self._normal |= bool(touches)
+        actor = Actor(found, looks, paint, label, panel, points, touches)
+        self._actors.append(actor)
+        self._surround([contact for of_body in touching for contact in of_body], actor)
+        model = subject.source.model if isinstance(subject.source, TreeSolution) else subject.source
         if isinstance(model, Model) and shapes is None and is_cart_pendulum(model):
             way = found.poses[:, 0, 0]
             self._fixed += [(shape, "#9aa3af") for shape in rail(model, way.min(), way.max())]
         return self
+
+    def _surround(self, contacts: Sequence[Any], actor: Actor) -> None:
+        """Adds what an actor touches, each surface once."""
+        level = ground_of(contacts)
+        if self._ground is None:
+            self._ground = level
+        surfaces = {repr(contact.surface): contact.surface for contact in contacts}
+        shapes = (surface_shape(surface, *actor.region) for surface in surfaces.values())
+        self._fixed += [(shape, _SURFACE) for shape in shapes if shape is not None]
 
     def ground(self, height: float = 0.0) -> Scene:
         """Adds level ground.
@@ -264,7 +302,7 @@ class Scene:
         self._captions.append((float(numbers("t", t, ())), text))
         return self
 
-    def camera(self, view: View | None = None, *, follow: bool | None = None) -> Scene:
+    def camera(self, view: View | None = None, *, follow: bool | None = None, zoom: float = 1.0) -> Scene:
         """Sets the view that the page begins with.
 
         Parameters
@@ -274,6 +312,8 @@ class Scene:
             the right and y up. From the corner unless all moves in the plane of one of these.
         follow : bool
             Whether the camera goes with the centre of mass; where that moves far unless given.
+        zoom : float
+            How much larger all is than where the whole motion is just in sight.
 
         Examples
         --------
@@ -281,8 +321,9 @@ class Scene:
         >>> viewer.Scene("A dive").camera("side", follow=True)
         <Scene: 'A dive', motions: 0, fixed shapes: 0>
         """
+        positive("zoom", zoom)
         _choice("view", view, (*_VIEWS, None))
-        self._view, self._follow = view, follow
+        self._view, self._follow, self._zoom = view, follow, float(zoom)
         return self
 
     def play(self, speed: float = 1.0, *, arrows: Sequence[Arrow] = ()) -> Scene:
@@ -327,8 +368,13 @@ class Scene:
             "spacing": float(spacing),
             "speed": self._speed,
             "arrows": [_ARROWS[arrow] for arrow in self._arrows],
+            "force": "normal force" if self._normal else "contact force",
             "region": [np.min(low, axis=0).tolist(), np.max(high, axis=0).tolist()],
-            "camera": {"view": self._view or self._actors[0].view, "follow": bool(follow)},
+            "camera": {
+                "view": self._view or self._actors[0].view,
+                "follow": bool(follow),
+                "zoom": self._zoom,
+            },
             "ground": self._ground,
             "water": self._water,
             "fixed": [shape_data(shape, color) for shape, color in self._fixed],
@@ -426,7 +472,7 @@ class Scene:
 
 
 def animate(
-    moving: Moving,
+    moving: Any,
     t: ArrayLike | None = None,
     q: ArrayLike | None = None,
     path: str | PathLike[str] = "motion.html",

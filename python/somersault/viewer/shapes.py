@@ -17,12 +17,14 @@ from scipy.spatial.transform import Rotation
 
 from somersault.errors import InputError
 
-__all__ = ["Box", "Capsule", "Cylinder", "Ellipsoid", "Loft", "Shape", "Sphere"]
+__all__ = ["Box", "Capsule", "Cylinder", "Ellipsoid", "Loft", "Mesh", "Shape", "Sphere"]
 
 Array = NDArray[np.float64]
 
 #: Rings of half a sphere.
 _RINGS = 9
+#: That a page can number.
+_VERTICES = 65_536
 
 
 def numbers(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> Array:
@@ -219,6 +221,36 @@ class Box(_Placed):
         signs = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
         corners = signs * np.asarray(self.lengths, dtype=np.float64)
         return np.asarray(self.rotation.apply(corners)) + self.position
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Mesh(_Placed):
+    """A skin of triangles: the numbers of their vertices, counter-clockwise as seen from outside.
+
+    Examples
+    --------
+    >>> from somersault import viewer
+    >>> corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    >>> viewer.Mesh(corners, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]).points.shape
+    (4, 3)
+    """
+
+    vertices: ArrayLike
+    triangles: ArrayLike
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        n = len(numbers("vertices", self.vertices, (None, 3)))
+        corners = numbers("triangles", self.triangles, (None, 3))
+        whole = len(corners) > 0 and bool((corners == np.floor(corners)).all())
+        if not whole or not 0 <= corners.min() <= corners.max() < n:
+            raise InputError(f"`triangles` must be rows of three numbers of the {n} vertices, from 0")
+        if n > _VERTICES:
+            raise InputError(f"`vertices` must be at most {_VERTICES}, found {n}")
+
+    @property
+    def points(self) -> Array:
+        return np.asarray(self.rotation.apply(np.asarray(self.vertices, dtype=np.float64))) + self.position
 
 
 @dataclass(frozen=True, eq=False, repr=False)

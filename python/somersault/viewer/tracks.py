@@ -1,26 +1,30 @@
-"""What of a motion the viewer draws: poses at times, the centre of mass, momentum, rate and contacts."""
+"""What of a motion the viewer draws: poses at times, the centre of mass, momentum, rate and contacts.
+
+A pose that is not known, of a marker that was not seen, is not a number and not drawn.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
 from somersault._somersault.integrators import RigidBody, Trajectory
+from somersault._somersault.motion import MarkerRecording
 from somersault._somersault.multibody import Model, TreeSolution
 from somersault.errors import InputError
+from somersault.viewer.results import FINE, Subject
 from somersault.viewer.shapes import numbers
 
-__all__ = ["Moving", "Touch", "Track", "touch", "track"]
+__all__ = ["Touch", "Track", "touch", "track"]
 
 Array = NDArray[np.float64]
-Moving: TypeAlias = Model | RigidBody | Trajectory | TreeSolution
 
-#: Samples are made or left out to be about this far apart, s, and not farther than this turn, rad.
-_INTERVAL, _TURN = 1 / 60, 0.3
+#: Samples are not farther apart than this turn, rad.
+_TURN = 0.3
 #: Samples of a motion that turns little, at most, and of any.
 _LARGEST, _LIMIT = 6000, 50_000
 #: Samples of a force are left out where it changes by less than this fraction of the largest.
@@ -41,12 +45,16 @@ class Track:
 
 @dataclass(frozen=True)
 class Touch:
-    """A point of a body, and the forces on it at times of its own."""
+    """A point of a body, and the forces on it at times of its own.
+
+    What touches may be away from the point, as under the centre of a ball, by `offsets` in world axes.
+    """
 
     body: int
     point: Array
     t: Array
     forces: Array
+    offsets: Array | None = None
 
 
 def times(t: ArrayLike) -> Array:
@@ -69,51 +77,52 @@ def rows(name: str, value: ArrayLike, n: int, width: int) -> Array:
     return found
 
 
-def track(moving: Moving, t: ArrayLike | None, q: ArrayLike | None, v: ArrayLike | None) -> Track:
+def track(subject: Subject) -> Track:
     """The motion as it is drawn. See `Scene.add`."""
-    if isinstance(moving, Trajectory | TreeSolution):
-        if t is not None or q is not None or v is not None:
-            raise InputError("`t`, `q` and `v` must not be given beside a solution, which has them")
-        return _of_trajectory(moving) if isinstance(moving, Trajectory) else _of_solution(moving)
-    if not isinstance(moving, Model | RigidBody):
-        raise InputError(
-            "`moving` must be a Model, a RigidBody, or a solution or trajectory of these, found a"
-            f" {type(moving).__name__}"
-        )
-    if t is None or q is None:
-        raise InputError("`t` and `q` must be given beside a Model or a RigidBody")
-    moments = times(t)
-    if isinstance(moving, RigidBody):
-        return _of_body(moving, moments, q, v)
-    position = rows("q", q, len(moments), moving.n_positions)
-    velocity = None if v is None else rows("v", v, len(moments), moving.n_velocities)
-    return _of_tree(moving, moments, position, velocity)
+    match subject.source:
+        case Trajectory():
+            return _of_trajectory(subject.source)
+        case TreeSolution():
+            return _of_solution(subject.source)
+        case MarkerRecording():
+            return _of_markers(subject.source)
+    model, t, q, v = subject.source, times(subject.t), subject.q, subject.v
+    if isinstance(model, RigidBody):
+        return _of_body(model, t, q, v)
+    position = rows("q", q, len(t), model.n_positions)
+    velocity = None if v is None else rows("v", v, len(t), model.n_velocities)
+    return _of_tree(model, t, position, velocity)
 
 
-def touch(moving: Moving, t: ArrayLike | None, body: int, point: Array, forces: ArrayLike) -> Touch:
+def touch(body: int, point: Array, t: Array, forces: ArrayLike, offsets: Array | None = None) -> Touch:
     """A contact with those of its samples that are enough. See `Scene.add`."""
-    # `track` has found these to be times.
-    moments = np.asarray(moving.t if isinstance(moving, Trajectory | TreeSolution) else t, dtype=np.float64)
-    found = rows("contacts", forces, len(moments), 3)
+    found = rows("contacts", forces, len(t), 3)
     # Contacts may be shorter than the steps between poses: what begins, ends or jumps is kept on both sides.
-    begun = np.diff(found.any(axis=1))
-    change = np.linalg.norm(np.diff(found, axis=0), axis=1)
-    share = _CHANGE * np.linalg.norm(found, axis=1).max() or 1.0
-    stepped = begun | (np.diff(np.floor(np.cumsum(change) / share), prepend=0.0) > 0.0)
+    stepped = np.diff(found.any(axis=1)) | _steps(found)
+    if offsets is not None:
+        stepped |= _steps(offsets)
     kept = np.flatnonzero(np.append(stepped, True) | np.append(True, stepped))
     if len(kept) > _LIMIT:
         raise InputError(
             f"`contacts` change too often for a page, which would need {len(kept)} samples of a force and has"
             f" at most {_LIMIT}; add a part of the motion"
         )
-    return Touch(body, point, moments[kept], found[kept])
+    return Touch(body, point, t[kept], found[kept], None if offsets is None else offsets[kept])
+
+
+def _steps(vectors: Array) -> NDArray[np.bool_]:
+    """Where they have changed by a fraction of the largest since it was last so."""
+    change = np.linalg.norm(np.diff(vectors, axis=0), axis=1)
+    share = _CHANGE * np.linalg.norm(vectors, axis=1).max() or 1.0
+    stepped: NDArray[np.bool_] = np.diff(np.floor(np.cumsum(change) / share), prepend=0.0) > 0.0
+    return stepped
 
 
 def _of_solution(solution: TreeSolution) -> Track:
     t = times(solution.t)
     if solution.sol is None:
         return _of_tree(solution.model, t, solution.q, solution.v)
-    n = int(np.clip((t[-1] - t[0]) / _INTERVAL, len(t), _LARGEST)) + 1
+    n = int(np.clip((t[-1] - t[0]) / FINE, len(t), _LARGEST)) + 1
     moments = np.linspace(solution.sol.t_min, solution.sol.t_max, n) if len(t) > 1 else t
     return _of_tree(solution.model, moments, *solution.sol(moments))
 
@@ -143,7 +152,7 @@ def _refined(model: Model, t: Array, q: Array, v: Array | None) -> tuple[Array, 
         return t, q, v
     way = np.asarray(model.difference(q[:-1], q[1:]))
     turned = np.abs(way).max(axis=1, initial=0.0)
-    pieces = np.maximum(np.ceil(np.diff(t) / _INTERVAL), np.ceil(turned / _TURN))
+    pieces = np.maximum(np.ceil(np.diff(t) / FINE), np.ceil(turned / _TURN))
     room = max(1.0, _LARGEST / len(t))
     pieces = np.clip(pieces, 1, room).astype(np.intp)
     at = np.repeat(np.arange(len(pieces)), pieces)
@@ -168,7 +177,7 @@ def _thinned(t: Array, poses: Array) -> NDArray[np.intp]:
     quaternion = poses[..., 3:]
     cosine = np.abs(np.sum(quaternion[1:] * quaternion[:-1], axis=-1))
     turned = 2.0 * np.arccos(np.minimum(cosine, 1.0)).max(axis=1)
-    interval = max((t[-1] - t[0]) / _LARGEST, min(_INTERVAL, (t[-1] - t[0]) / 200))
+    interval = max((t[-1] - t[0]) / _LARGEST, min(FINE, (t[-1] - t[0]) / 200))
     measure = np.floor(np.concatenate([[0.0], np.cumsum(np.diff(t) / interval + turned / _TURN)]))
     if measure[-1] > _LIMIT:
         raise InputError(
@@ -211,12 +220,25 @@ def _of_body(body: RigidBody, t: Array, q: ArrayLike, v: ArrayLike | None) -> Tr
     return Track(("body",), t[kept], poses[kept], pose[kept, :3], momentum, rate)
 
 
+def _of_markers(recording: MarkerRecording) -> Track:
+    t = times(recording.times)
+    points = np.where(recording.present[..., None], recording.points, np.nan)
+    turns = np.broadcast_to([0.0, 0.0, 0.0, 1.0], (*points.shape[:2], 4))
+    seen = np.flatnonzero(recording.present.any(axis=1))
+    if len(seen) == 0:
+        raise InputError("`moving` must have a marker that is there at some time, found a recording without")
+    middle = np.nanmean(points[seen], axis=1)
+    center = np.column_stack([np.interp(t, t[seen], axis) for axis in middle.T])
+    poses = np.concatenate([points, turns], axis=-1)
+    return Track(tuple(recording.names), t, poses, center, None, None)
+
+
 def _of_trajectory(trajectory: Trajectory) -> Track:
     t = times(trajectory.t)
     sol = getattr(trajectory, "sol", None)
     seen: Any = trajectory
     if sol is not None and len(t) > 1:
-        n = int(np.clip((t[-1] - t[0]) / _INTERVAL, 10 * len(t), _LARGEST)) + 1
+        n = int(np.clip((t[-1] - t[0]) / FINE, 10 * len(t), _LARGEST)) + 1
         t = np.linspace(sol.t_min, sol.t_max, n)
         seen = sol(t)
     shape = (len(t), -1, 3)

@@ -221,6 +221,12 @@ value! {
         dimension: usize = |own| own.dimension;
         /// int: Number of controls.
         n_controls: usize = |own| own.n_controls;
+        /// Model or None: The tree whose motions they are, where it is one of `arm` or `tree`.
+        model: Result<Option<Py<Model>>, Error> = |own, py| match &own.origin {
+            Origin::Tree(given) => Ok(Some(given.model.clone_ref(py))),
+            Origin::Arm(arm) => Ok(Some(Py::new(py, Model::of(arm.arm().model()?))?)),
+            Origin::Callables(_) | Origin::Problem(_) | Origin::LinearRegulator | Origin::CubicRegulator => Ok(None),
+        };
     }
 }
 

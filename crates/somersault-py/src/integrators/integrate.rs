@@ -11,7 +11,7 @@ use crate::integrators::monitor::{Finish, Monitor, ProgressBar, Watch};
 use crate::integrators::plan::{self, Plan, StepArguments, start_up_of};
 use crate::integrators::seen::Seen;
 use crate::integrators::solve::{Bodies, Ended};
-use crate::integrators::trajectory::{Cast, Report, Solution};
+use crate::integrators::trajectory::{Cast, Given, Report, Solution};
 use pyo3::prelude::*;
 use somersault::contact::bodies::BodiesInContact;
 use somersault::contact::contacts::BodyInContact;
@@ -67,6 +67,7 @@ fn run<B: Bodies>(
     observer: Option<Py<PyAny>>,
     progress: Option<ProgressBar>,
     failure: Failure,
+    given: Given,
 ) -> Result<Py<Solution>, Error> {
     let watch = observer.map(|observer| -> Watch<B::Configuration> {
         Box::new(move |py, t, x| {
@@ -79,7 +80,7 @@ fn run<B: Bodies>(
         monitor.supervise(py, plan, |monitor| bodies.solve(initial, plan, monitor))?;
     let Finish { recorded, steps, status, message, failed } = monitor.finish(py, status);
     let report = Report { status, message, nfev, n_steps: steps, n_rejected: rejected };
-    let solution = Solution::create(py, cast, recorded, plan.dense, report, events)?;
+    let solution = Solution::create(py, cast, recorded, plan.dense, report, events, given)?;
     plan.deliver(py, failed, solution)
 }
 
@@ -286,6 +287,7 @@ pub(crate) fn integrate<'py>(
     if stretches.is_some() && (!locate || contacts.is_none() && pairs.is_none()) {
         return Err(Error::input("`stretches` are those of contacts that are located, and there are none"));
     }
+    let given = Given::of(py, cast.single, contacts, pairs)?;
     if cast.single {
         if interaction.is_some() {
             return Err(Error::input("`interaction` acts between several bodies, and there is one"));
@@ -303,17 +305,17 @@ pub(crate) fn integrate<'py>(
                 let system = WithStretches(system);
                 let initial = stretched(&system, stretches, interval.0, initial[0])?;
                 let bodies = InContact { system, contacts: count, location };
-                return run(py, cast, &bodies, &initial, &plan, observer, bar, failure);
+                return run(py, cast, &bodies, &initial, &plan, observer, bar, failure, given);
             }
             without_stretch(contacts.iter().map(|contact| contact.law()))?;
             models.push(Box::new(contacts));
         }
         if models.is_empty() {
             let bodies = Free(RigidBodySystem::free(body));
-            run(py, cast, &bodies, &initial[0], &plan, observer, bar, failure)
+            run(py, cast, &bodies, &initial[0], &plan, observer, bar, failure, given)
         } else {
             let bodies = Forced(RigidBodySystem::new(body, models));
-            run(py, cast, &bodies, &initial[0], &plan, observer, bar, failure)
+            run(py, cast, &bodies, &initial[0], &plan, observer, bar, failure, given)
         }
     } else {
         let each = reader.for_each("forces", cast.bodies.len(), forces)?;
@@ -330,18 +332,18 @@ pub(crate) fn integrate<'py>(
                 without_stretch(contacts.laws())?;
                 let between: BoxedInteraction = Box::new(contacts);
                 let bodies = Forced(RigidBodiesSystem::try_new(cast.bodies.clone(), each, between)?);
-                return run(py, cast, &bodies, &initial, &plan, observer, bar, failure);
+                return run(py, cast, &bodies, &initial, &plan, observer, bar, failure, given);
             }
             let count = contacts.len();
             let each = each.into_iter().map(Counted::new).collect();
             let system = WithStretches(BodiesInContact::try_new(cast.bodies.clone(), each, contacts)?);
             let initial = stretched(&system, stretches, interval.0, initial)?;
             let bodies = InContact { system, contacts: count, location };
-            return run(py, cast, &bodies, &initial, &plan, observer, bar, failure);
+            return run(py, cast, &bodies, &initial, &plan, observer, bar, failure, given);
         }
         let between = reader.between(interaction)?;
         let bodies = Forced(RigidBodiesSystem::try_new(cast.bodies.clone(), each, between)?);
         let (plan, bar) = (plan(reader.calls_python), bar(interval.0, interval.1)?);
-        run(py, cast, &bodies, &initial, &plan, observer, bar, failure)
+        run(py, cast, &bodies, &initial, &plan, observer, bar, failure, given)
     }
 }

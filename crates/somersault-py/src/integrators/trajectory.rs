@@ -395,11 +395,65 @@ struct Log {
     substeps: u64,
 }
 
+/// The contacts that a run was given.
+pub(crate) struct Given {
+    /// Those of the one body, or a tuple of them for each of several.
+    contacts: Py<PyTuple>,
+    pairs: Py<PyTuple>,
+}
+
+impl Given {
+    /// Of the arguments of a run, whatever they are.
+    pub(crate) fn of(
+        py: Python<'_>,
+        single: bool,
+        contacts: Option<&Bound<'_, PyAny>>,
+        pairs: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let contacts = match contacts.and_then(sequence).filter(|_| !single) {
+            Some(list) => {
+                let each = list.try_iter()?.map(|of_body| listed(py, Some(&of_body?)));
+                PyTuple::new(py, each.collect::<PyResult<Vec<_>>>()?)?
+            }
+            None => listed(py, contacts)?,
+        };
+        Ok(Self { contacts: contacts.unbind(), pairs: listed(py, pairs)?.unbind() })
+    }
+
+    /// What of it is written: nothing where a surface is a callable.
+    fn written<'py>(&self, py: Python<'py>) -> PyResult<Option<(Bound<'py, PyTuple>, Bound<'py, PyTuple>)>> {
+        let contacts = self.contacts.bind(py);
+        for entry in contacts {
+            let of_body = listed(py, Some(&entry))?;
+            for contact in &of_body {
+                if contact.getattr("surface")?.is_callable() {
+                    return Ok(None);
+                }
+            }
+        }
+        Ok(Some((contacts.clone(), self.pairs.bind(py).clone())))
+    }
+}
+
+/// One object, several or none as a tuple.
+fn listed<'py>(py: Python<'py>, value: Option<&Bound<'py, PyAny>>) -> PyResult<Bound<'py, PyTuple>> {
+    match value {
+        None => Ok(PyTuple::empty(py)),
+        Some(value) if value.is_none() => Ok(PyTuple::empty(py)),
+        Some(value) => match sequence(value) {
+            Some(list) => PyTuple::new(py, list.try_iter()?.collect::<PyResult<Vec<_>>>()?),
+            None => PyTuple::new(py, [value]),
+        },
+    }
+}
+
 /// Result of an integration: a `Trajectory`, its status and what it cost.
 #[pyclass(frozen, extends = Trajectory, module = "somersault")]
 pub(crate) struct Solution {
     report: Report,
     log: Log,
+    /// None where it was read from a file that does not have them.
+    given: Option<Given>,
     dense: Option<Py<DenseOutput>>,
 }
 
@@ -412,6 +466,7 @@ impl Solution {
         dense: bool,
         report: Report,
         events: Events<Q>,
+        given: Given,
     ) -> PyResult<Py<Self>> {
         let Events { trials, substeps, count, contacts, events, stretches } = events;
         let events =
@@ -429,7 +484,8 @@ impl Solution {
             None
         };
         let trajectory = Trajectory::new(cast, times, states);
-        Py::new(py, PyClassInitializer::from(trajectory).add_subclass(Self { report, log, dense }))
+        let own = Self { report, log, given: Some(given), dense };
+        Py::new(py, PyClassInitializer::from(trajectory).add_subclass(own))
     }
 }
 
@@ -459,6 +515,12 @@ value! {
         n_trials: u64 = |own| own.log.trials;
         /// int: How many of the steps were parts of longer ones, divided for the contacts closed.
         n_substeps: u64 = |own| own.log.substeps;
+        /// tuple of Contact, tuple of tuple of Contact, or None: The contacts of the body, for several bodies those of each. None where
+        /// the solution was read from a file or a pickle and a surface is a callable, which these do not hold.
+        contacts: Option<Py<PyTuple>> =
+            |own, py| own.given.as_ref().map(|given| given.contacts.clone_ref(py));
+        /// tuple of SpherePair, or None: The pairs of spheres that touch each other, in the same way.
+        pairs: Option<Py<PyTuple>> = |own, py| own.given.as_ref().map(|given| given.pairs.clone_ref(py));
         /// DenseOutput or None: The state at any time, where dense output was requested.
         sol: Option<Py<DenseOutput>> = |own, py| own.dense.as_ref().map(|dense| dense.clone_ref(py));
     }
@@ -489,7 +551,8 @@ impl Solution {
         let Log { events, count, trials, substeps, stretches } = &slf.get().log;
         let stretches: Vec<[f64; 3]> = stretches.iter().map(|&stretch| stretch.into()).collect();
         let log = (events, *count, *trials, *substeps, stretches);
-        by_restore(slf, (base, (status, message, nfev, n_steps, n_rejected), log))
+        let given = slf.get().given.as_ref().map(|given| given.written(py)).transpose()?.flatten();
+        by_restore(slf, (base, (status, message, nfev, n_steps, n_rejected), log, given))
     }
 
     /// A pickled solution; the dense output is not part of it.
@@ -500,6 +563,7 @@ impl Solution {
         arrays: [Bound<'_, PyAny>; 6],
         report: (i32, String, u64, u64, u64),
         log: (Py<PyTuple>, u64, u64, u64, Vec<[f64; 3]>),
+        given: Option<(Py<PyTuple>, Py<PyTuple>)>,
     ) -> Result<Py<Self>, Error> {
         let [body, t, position, quaternion, velocity, angular_velocity] = &arrays;
         let base = Trajectory::from_arrays(body, t, position, quaternion, velocity, angular_velocity)?;
@@ -508,6 +572,8 @@ impl Solution {
         let (events, count, trials, substeps, stretches) = log;
         let stretches = stretches.into_iter().map(Vector3::from).collect();
         let log = Log { events, count, trials, substeps, stretches };
-        Ok(Py::new(py, PyClassInitializer::from(base).add_subclass(Self { report, log, dense: None }))?)
+        let given = given.map(|(contacts, pairs)| Given { contacts, pairs });
+        let own = Self { report, log, given, dense: None };
+        Ok(Py::new(py, PyClassInitializer::from(base).add_subclass(own))?)
     }
 }

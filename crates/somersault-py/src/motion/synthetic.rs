@@ -226,7 +226,8 @@ impl SyntheticFlight {
         perturbation: &Bound<'_, Perturbation>,
     ) -> Result<SyntheticDive, Error> {
         let (flight, perturbation) = (self.flight.clone(), perturbation.get().perturbation);
-        Ok(SyntheticDive { dive: leave_on_signal(py, move |_| flight.perturb(&perturbation))? })
+        let dive = leave_on_signal(py, move |_| flight.perturb(&perturbation))?;
+        Ok(SyntheticDive { model: self.model(py), dive })
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
@@ -248,13 +249,15 @@ fn frames_array<'py>(py: Python<'py>, positions: &[f64], n_frames: usize) -> PyR
 
 /// A SYNTHETIC dive.
 #[pyclass(frozen, module = "somersault.motion")]
-#[derive(Clone)]
 pub(crate) struct SyntheticDive {
+    model: Py<Model>,
     dive: synthetic::SyntheticDive,
 }
 
 value! {
     impl SyntheticDive {
+        /// Model: The diver.
+        model: Py<Model> = |own, py| own.model.clone_ref(py);
         /// ndarray, shape (n,): Times, s.
         times: Bound<'py, PyAny> = |own, py| numbers_array(py, &own.dive.times);
         /// ndarray, shape (n, n_positions): Configurations.
@@ -271,25 +274,26 @@ value! {
 impl SyntheticDive {
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
-        by_restore(slf, (own.times(py), own.q(py)?, own.perturbation(), own.angular_momentum(py)))
+        let rows = (own.times(py), own.q(py)?);
+        by_restore(slf, (own.model(py), rows, own.perturbation(), own.angular_momentum(py)))
     }
 
     /// A pickled dive.
     #[classmethod]
     fn _restore(
         _: &Bound<'_, PyType>,
-        times: &Bound<'_, PyAny>,
-        q: &Bound<'_, PyAny>,
+        model: Py<Model>,
+        rows: (Bound<'_, PyAny>, Bound<'_, PyAny>),
         perturbation: &Bound<'_, Perturbation>,
         angular_momentum: &Bound<'_, PyAny>,
     ) -> Result<Self, Error> {
         let dive = synthetic::SyntheticDive {
-            times: real_numbers("times", times)?,
-            positions: matrix::matrix("q", q)?.transpose().as_slice().to_vec(),
+            times: real_numbers("times", &rows.0)?,
+            positions: matrix::matrix("q", &rows.1)?.transpose().as_slice().to_vec(),
             perturbation: perturbation.get().perturbation,
             angular_momentum: vector("angular_momentum", angular_momentum)?,
         };
-        Ok(Self { dive })
+        Ok(Self { model, dive })
     }
 
     fn __repr__(&self) -> String {
@@ -337,6 +341,7 @@ impl SyntheticDive {
 /// (<SyntheticSet: 4 SYNTHETIC dives>, True)
 #[pyclass(frozen, module = "somersault.motion")]
 pub(crate) struct SyntheticSet {
+    model: Py<Model>,
     set: synthetic::SyntheticSet,
     judge: synthetic::SyntheticJudge,
 }
@@ -346,8 +351,10 @@ value! {
         /// SyntheticJudge: Who gave the scores.
         judge: SyntheticJudge = |own| SyntheticJudge { judge: own.judge };
         /// list of SyntheticDive: The dives.
-        dives: Vec<SyntheticDive> =
-            |own| own.set.dives.iter().cloned().map(|dive| SyntheticDive { dive }).collect();
+        dives: Vec<SyntheticDive> = |own, py| {
+            let of = |dive| SyntheticDive { model: own.model.clone_ref(py), dive };
+            own.set.dives.iter().cloned().map(of).collect()
+        };
         /// list of DiveFaults: The faults of each.
         faults: Vec<DiveFaults> =
             |own| own.set.faults.iter().map(|faults| DiveFaults { faults: *faults }).collect();
@@ -384,6 +391,7 @@ impl SyntheticSet {
             }
         }
         let flight = flight.get();
+        let model = flight.model(py);
         let judge = judge.map_or_else(
             || synthetic::SyntheticJudge::with_reference(flight.faults),
             |judge| judge.get().judge,
@@ -392,7 +400,7 @@ impl SyntheticSet {
         let set = leave_on_signal(py, move |token| {
             synthetic::SyntheticSet::generate_cancellable(&flight, &markers, &judge, &options, token)
         })?;
-        Ok(Self { set, judge })
+        Ok(Self { model, set, judge })
     }
 
     /// The dives as motions to be scored, by their markers, labelled synthetic.
@@ -448,8 +456,15 @@ impl SyntheticSet {
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
-        let arguments =
-            (own.judge(), own.dives(), own.faults(), own.markers(), own.intended(py), own.scores(py));
+        let arguments = (
+            own.model.clone_ref(py),
+            own.judge(),
+            own.dives(py),
+            own.faults(),
+            own.markers(),
+            own.intended(py),
+            own.scores(py),
+        );
         by_restore(slf, arguments)
     }
 
@@ -457,6 +472,7 @@ impl SyntheticSet {
     #[classmethod]
     fn _restore(
         _: &Bound<'_, PyType>,
+        model: Py<Model>,
         judge: &Bound<'_, SyntheticJudge>,
         dives: Vec<Bound<'_, SyntheticDive>>,
         faults: Vec<Bound<'_, DiveFaults>>,
@@ -480,7 +496,7 @@ impl SyntheticSet {
         ] {
             matrix::same_length(argument, found, n)?;
         }
-        Ok(Self { set, judge: judge.get().judge })
+        Ok(Self { model, set, judge: judge.get().judge })
     }
 
     fn __repr__(&self) -> String {

@@ -498,11 +498,11 @@ impl CartPendulumProblem {
     /// >>> motion = problem.motion(problem.solve().z)
     /// >>> motion.q[-1].round(2) + 0.0
     /// array([0., 0.])
-    fn motion(&self, z: &Bound<'_, PyAny>) -> Result<Motion, Error> {
+    fn motion(&self, py: Python<'_>, z: &Bound<'_, PyAny>) -> Result<Motion, Error> {
         let z = self.variables(z)?;
         let mut shooting = self.problem.shooting()?;
         shooting.rollout(&z).map_err(|error| Error::evaluation(error.to_string()))?;
-        Ok(Motion::of(&shooting))
+        Ok(Motion::of(Py::new(py, self.model()?)?, &shooting))
     }
 
     /// Integrates the motion of a decision vector again and accurately.

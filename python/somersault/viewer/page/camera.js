@@ -13,6 +13,7 @@ class Camera {
     this.scene = scene;
     this.follow = scene.camera.follow;
     this.look(scene.camera.view);
+    this.zoom = scene.camera.zoom;
   }
 
   /** Takes a view, with all of it in sight. */

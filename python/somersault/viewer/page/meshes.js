@@ -59,7 +59,10 @@ function floats(text) {
   return new Float32Array(bytes.buffer);
 }
 
-const mesh = shape => "lengths" in shape ? cuboid(shape.lengths) : skin(floats(shape.rings));
+function mesh({ lengths, vertices, triangles, rings }) {
+  if (lengths) return cuboid(lengths);
+  return vertices ? smooth(Array.from(floats(vertices)), Array.from(floats(triangles))) : skin(floats(rings));
+}
 
 /** The distance of the farthest vertex from the origin of the mesh. */
 function reach({ positions }) {

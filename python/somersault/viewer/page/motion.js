@@ -26,7 +26,9 @@ class Motion {
     this.poses = floats(data.poses);
     this.center = floats(data.center);
     for (const name of ["momentum", "rate"]) this[name] = data[name] && floats(data[name]);
-    this.force = data.force?.map(at => ({ ...at, times: floats(at.times), forces: floats(at.forces) }));
+    this.force = data.force?.map(at => ({
+      ...at, times: floats(at.times), forces: floats(at.forces), offsets: at.offsets && floats(at.offsets),
+    }));
   }
 
   locate(t) {
@@ -60,7 +62,10 @@ class Motion {
   /** The points that touch at a time, and the forces on them. */
   touching(t) {
     const where = this.locate(t);
-    const found = (this.force ?? []).map(at => [this.point(at, where), vectorAt(at.forces, locate(at.times, t))]);
+    const found = (this.force ?? []).map(at => {
+      const when = locate(at.times, t), point = this.point(at, where);
+      return [at.offsets ? add(point, vectorAt(at.offsets, when)) : point, vectorAt(at.forces, when)];
+    });
     return found.filter(([, force]) => length(force) > 0);
   }
 

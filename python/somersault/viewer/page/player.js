@@ -29,6 +29,7 @@ class Player {
       control.parentElement.hidden = !scene.motions.some(motion => motion[name]);
       control.checked = scene.arrows.includes(name);
     }
+    document.querySelector("label.force span").textContent = scene.force;
     controls.trails.parentElement.hidden = !scene.motions.some(motion => motion.trails.length);
     for (const [name, { title }] of Object.entries(VIEWS)) {
       const button = document.createElement("button");

@@ -157,6 +157,8 @@ class Stage {
           const [position, quaternion] = motion.pose(shape.body, where);
           bodies.set(shape.body, placed(quaternion, position));
         }
+        // A marker that was not seen.
+        if (Number.isNaN(bodies.get(shape.body)[12])) continue;
         solids.push({ ...shape, model: product(bodies.get(shape.body), shape.own) });
       }
       for (const name of Object.keys(ARROWS)) {

@@ -74,6 +74,8 @@ impl CollocationResult {
 
 value! {
     impl CollocationResult {
+        /// Model: The tree that moves; x = (q, v).
+        model: Model = |own| Model::of(own.model.clone());
         /// ndarray, shape (n + 1,): Times, s.
         t: Bound<'py, PyAny> = |own, py| numpy::PyArray1::from_slice(py, &own.phase().times).into_any();
         /// ndarray, shape (n + 1, n_states): States.

@@ -4,6 +4,7 @@ use crate::core::convert::{array, real_numbers, with_shape};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, value};
 use crate::core::waiting::{Cancellation, attend, deliver, returns_interrupted, together};
+use crate::multibody::model::Model;
 use crate::ocp::solver::{Report, Watcher};
 use pyo3::prelude::*;
 use pyo3::types::PyType;
@@ -13,11 +14,15 @@ use std::f64::consts::TAU;
 
 /// A planar dive as thesis 3.1 poses it, stepped by explicit Euler. The centre of mass starts at the origin.
 #[pyclass(frozen, module = "somersault.ocp")]
-pub(crate) struct LiteralDive(dives::LiteralDive);
+pub(crate) struct LiteralDive {
+    model: Py<Model>,
+    dive: dives::LiteralDive,
+}
 
 impl LiteralDive {
     pub(super) fn of(
         py: Python<'_>,
+        model: Py<Model>,
         program: &DiveProgram,
         z: &[f64],
         n_steps: usize,
@@ -26,7 +31,8 @@ impl LiteralDive {
     ) -> Result<Self, Error> {
         let returned = returns_interrupted(on_interrupt)?;
         if !optimise {
-            return Ok(Self(together(py, || program.literal_motion(z, n_steps))??));
+            let dive = together(py, || program.literal_motion(z, n_steps))??;
+            return Ok(Self { model, dive });
         }
         let mut watcher = Watcher::new(None)?;
         let cancellation = Cancellation::default();
@@ -38,33 +44,35 @@ impl LiteralDive {
         watcher.hears(cancellation.raised().map(|raised| raised.clone_ref(py)));
         let interrupted = watcher.is_interrupted(py);
         let reported = |report: nlp::Report| if interrupted { report.interrupted() } else { report };
-        let found = dives::LiteralDive { report: found.report.map(reported), ..found };
-        deliver(py, watcher.into_raised(), returned, Self(found))
+        let dive = dives::LiteralDive { report: found.report.map(reported), ..found };
+        deliver(py, watcher.into_raised(), returned, Self { model, dive })
     }
 
     fn rows<'py>(&self, py: Python<'py>, values: &[f64]) -> PyResult<Bound<'py, PyAny>> {
-        let n = self.0.times.len();
+        let n = self.dive.times.len();
         Ok(array(py, values.to_vec(), &[n, values.len() / n])?.into_any())
     }
 }
 
 value! {
     impl LiteralDive {
+        /// Model: The diver.
+        model: Py<Model> = |own, py| own.model.clone_ref(py);
         /// ndarray, shape (n_steps + 1,): Times, s.
-        t: Bound<'py, PyAny> = |own, py| numpy::PyArray1::from_slice(py, &own.0.times).into_any();
+        t: Bound<'py, PyAny> = |own, py| numpy::PyArray1::from_slice(py, &own.dive.times).into_any();
         /// ndarray, shape (n_steps + 1, n_positions): Configurations.
-        q: PyResult<Bound<'py, PyAny>> = |own, py| own.rows(py, &own.0.positions);
+        q: PyResult<Bound<'py, PyAny>> = |own, py| own.rows(py, &own.dive.positions);
         /// ndarray, shape (n_steps + 1, n_velocities): Velocities.
-        v: PyResult<Bound<'py, PyAny>> = |own, py| own.rows(py, &own.0.velocities);
+        v: PyResult<Bound<'py, PyAny>> = |own, py| own.rows(py, &own.dive.velocities);
         /// ndarray, shape (n_steps + 1,): Angular momentum about the centre of mass, lateral axis, kg m²/s.
         angular_momentum: Bound<'py, PyAny> =
-            |own, py| numpy::PyArray1::from_slice(py, &own.0.angular_momentum).into_any();
+            |own, py| numpy::PyArray1::from_slice(py, &own.dive.angular_momentum).into_any();
         /// float: Change of the angular momentum from take-off to entry over that at take-off: positive where it grows, forward or
         /// backward. One of less than 10⁻³ m h²/(1 s) says nothing of its own size and counts as that, forward.
-        momentum_change: f64 = |own| own.0.momentum_change();
+        momentum_change: f64 = |own| own.dive.momentum_change();
         /// Report or None: What the solver says; None where a motion was only rolled out. It has no verification: how far explicit
         /// Euler is from the physics is what `momentum_change` says.
-        report: Option<Report> = |own| own.0.report.clone().map(|report| Report { report, verifier: None });
+        report: Option<Report> = |own| own.dive.report.clone().map(|report| Report { report, verifier: None });
     }
 }
 
@@ -74,25 +82,26 @@ impl LiteralDive {
     /// lean at take-off.
     #[getter]
     fn somersaults<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
-        numpy::PyArray1::from_vec(py, self.0.somersault.iter().map(|a| a / TAU).collect()).into_any()
+        numpy::PyArray1::from_vec(py, self.dive.somersault.iter().map(|a| a / TAU).collect()).into_any()
     }
 
     fn __len__(&self) -> usize {
-        self.0.times.len()
+        self.dive.times.len()
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, dive) = (slf.py(), slf.get());
-        let angles = numpy::PyArray1::from_slice(py, &dive.0.somersault);
+        let angles = numpy::PyArray1::from_slice(py, &dive.dive.somersault);
         let rows = (dive.q(py)?, dive.v(py)?);
-        let momentum = (dive.angular_momentum(py), dive.0.momentum_unit);
-        by_restore(slf, (dive.t(py), rows, momentum, angles, dive.report()))
+        let momentum = (dive.angular_momentum(py), dive.dive.momentum_unit);
+        by_restore(slf, (dive.model(py), dive.t(py), rows, momentum, angles, dive.report()))
     }
 
     /// A pickled dive.
     #[classmethod]
     fn _restore(
         _: &Bound<'_, PyType>,
+        model: Py<Model>,
         t: &Bound<'_, PyAny>,
         rows: (Bound<'_, PyAny>, Bound<'_, PyAny>),
         momentum: (Bound<'_, PyAny>, f64),
@@ -108,7 +117,7 @@ impl LiteralDive {
             let (_, width): (usize, usize) = value.getattr("shape")?.extract()?;
             with_shape(name, &[n, width], value)
         };
-        Ok(Self(dives::LiteralDive {
+        let dive = dives::LiteralDive {
             positions: table("q", &rows.0)?,
             velocities: table("v", &rows.1)?,
             angular_momentum: with_shape("angular_momentum", &[n], &momentum.0)?,
@@ -116,14 +125,15 @@ impl LiteralDive {
             somersault: with_shape("somersault", &[n], somersault)?,
             report: report.map(|report| report.get().report.clone()),
             times,
-        }))
+        };
+        Ok(Self { model, dive })
     }
 
     fn __repr__(&self) -> String {
-        let turned = self.0.somersault.last().map_or(f64::NAN, |a| a / TAU);
+        let turned = self.dive.somersault.last().map_or(f64::NAN, |a| a / TAU);
         format!(
             "<LiteralDive: {} times, {turned:.3} somersaults, momentum {:+.1} %>",
-            self.0.times.len(),
+            self.dive.times.len(),
             100.0 * self.momentum_change()
         )
     }

@@ -6,6 +6,7 @@ use crate::core::convert::{array, integer};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, value};
 use crate::core::waiting::cancel_on_signal;
+use crate::multibody::model::Model;
 use crate::ocp::arguments::count;
 use crate::ocp::solver::{Report, status_name};
 use crate::ocp::verification::{Verifier, judgement};
@@ -280,7 +281,9 @@ impl DiveSolution {
         on_interrupt: &str,
     ) -> Result<LiteralDive, Error> {
         let n_steps = count("n_steps", n_steps, 1)?;
-        LiteralDive::of(py, &self.dive.get().program, &self.report.z, n_steps, optimise, on_interrupt)
+        let dive = self.dive.get();
+        let model = Py::new(py, Model::of(dive.program.path().model().clone()))?;
+        LiteralDive::of(py, model, &dive.program, &self.report.z, n_steps, optimise, on_interrupt)
     }
 
     /// Angular momentum of this planar dive about its centre of mass by explicit Euler in the coordinates x, z, θ of the torso

@@ -3,6 +3,7 @@
 use crate::core::convert::{array, real_numbers, with_shape};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, value};
+use crate::multibody::model::Model;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 use somersault::ocp::transcription::Transcription;
@@ -10,14 +11,15 @@ use somersault::ocp::transcription::Transcription;
 /// A motion at the nodes of a transcription, time first.
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct Motion {
+    model: Py<Model>,
     times: Vec<f64>,
     parts: [(usize, Vec<f64>); 7],
 }
 
 impl Motion {
-    pub(crate) fn of(transcription: &impl Transcription) -> Self {
+    pub(crate) fn of(model: Py<Model>, transcription: &impl Transcription) -> Self {
         let n_nodes = transcription.outline().n_nodes();
-        let mut motion = Self { times: Vec::with_capacity(n_nodes), parts: Default::default() };
+        let mut motion = Self { model, times: Vec::with_capacity(n_nodes), parts: Default::default() };
         for k in 0..n_nodes {
             let node = transcription.node(k);
             motion.times.push(node.time);
@@ -46,6 +48,8 @@ impl Motion {
 
 value! {
     impl Motion {
+        /// Model: The tree that moves.
+        model: Py<Model> = |own, py| own.model.clone_ref(py);
         /// ndarray, shape (n,): Times, s.
         t: Bound<'py, PyAny> = |own, py| numpy::PyArray1::from_slice(py, &own.times).into_any();
         /// ndarray, shape (n, n_positions): Configurations.
@@ -74,18 +78,19 @@ impl Motion {
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, motion) = (slf.py(), slf.get());
         let parts = (0..motion.parts.len()).map(|k| motion.part(py, k)).collect::<PyResult<Vec<_>>>()?;
-        by_restore(slf, (motion.t(py), parts))
+        by_restore(slf, (motion.model(py), motion.t(py), parts))
     }
 
     /// A pickled motion.
     #[classmethod]
     fn _restore(
         _: &Bound<'_, PyType>,
+        model: Py<Model>,
         t: &Bound<'_, PyAny>,
         parts: [Bound<'_, PyAny>; 7],
     ) -> Result<Self, Error> {
         let times = real_numbers("t", t)?;
-        let mut motion = Self { times, parts: Default::default() };
+        let mut motion = Self { model, times, parts: Default::default() };
         for ((width, values), part) in motion.parts.iter_mut().zip(&parts) {
             let shape: (usize, usize) = part.getattr("shape")?.extract()?;
             *width = shape.1;

@@ -491,10 +491,11 @@ impl MotionProblem {
     /// <Motion: 21 nodes, t = 0 to 1 s>
     fn motion(&self, py: Python<'_>, z: &Bound<'_, PyAny>) -> Result<Motion, Error> {
         let (z, _) = self.room(z)?;
+        let model = self.recipe.model.clone_ref(py);
         self.run(py, |problem| {
             let shooting = problem.transcription_mut();
             shooting.rollout(&z)?;
-            Ok(Motion::of(shooting))
+            Ok(Motion::of(model, shooting))
         })
     }
 
