@@ -292,6 +292,7 @@ MADE: dict[str, Callable[[], Any]] = {
     "Box": lambda: viewer.Box((0.1, 0.2, 0.3)),
     "Capsule": lambda: viewer.Capsule((0, 0, 0), (0, 0, 1 / 3), 0.1, 0.2),
     "Cylinder": lambda: viewer.Cylinder((0, 0, 0), (0, 0, 1 / 3), 0.1),
+    "Mesh": lambda: viewer.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 1 / 3]], [[0, 1, 2]]),
     "Ellipsoid": lambda: viewer.Ellipsoid((1 / 3, 2 / 3, 1 / 7)),
     "Loft": lambda: viewer.Loft([(z, 0.0, 0.0, 0.1, 0.1) for z in range(90)]),
     "Scene": lambda: viewer.Scene("a long title " * 90),

@@ -411,7 +411,7 @@ def drawn(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     page = folder / "gallery.html"
     listed = json.dumps(pages).replace("<", "\\u003c")
     page.write_text(_GALLERY % (listed, 390), encoding="utf-8")
-    ran = film.headless(page.as_uri(), "--dump-dom", "--window-size=400,800")
+    ran = film.headless(page.as_uri(), "--dump-dom", "--window-size=400,800", "--virtual-time-budget=60000")
     assert "CONSOLE" not in ran.stderr, ran.stderr
     found = re.search(r'<pre id="found">(.+?)</pre>', ran.stdout, re.DOTALL)
     assert found is not None, ran.stderr
@@ -430,6 +430,8 @@ def test_every_result_is_a_page_without_a_script_error(name: str, drawn: dict[st
         pixels = np.asarray(
             image.open(io.BytesIO(base64.b64decode(picture.partition(",")[2]))).convert("RGB")
         )
-        assert len(np.unique(pixels.reshape(-1, 3), axis=0)) > 150, "nothing but sky"
+        # The sky has one color along a row, and what stands before it another.
+        away = np.abs(pixels.astype(int) - np.median(pixels, axis=1, keepdims=True)).max(axis=2)
+        assert np.count_nonzero(away > 40) >= 10, "nothing but sky"
     if name != "ContactSystem":
         assert found["pictures"][0] != found["pictures"][1]

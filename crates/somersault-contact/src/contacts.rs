@@ -347,8 +347,12 @@ impl ForceModel for Contacts {
         self.contacts.is_empty()
     }
     fn is_torque_free(&self) -> bool {
-        let at_centre = |c: &Contact| c.shape == Shape::Point(Vector3::zeros());
-        self.contacts.iter().all(|c| at_centre(c) && c.law.resistance().is_none())
+        self.contacts.iter().all(|contact| match contact.shape {
+            Shape::Point(point) => point == Vector3::zeros() && contact.law.resistance().is_none(),
+            // the normal force of a ball acts through its centre
+            Shape::Ball { centre, .. } => centre == Vector3::zeros() && contact.law.is_only_normal(),
+            Shape::Rim { .. } => false,
+        })
     }
     fn depends_on_velocity(&self) -> bool {
         self.contacts.iter().any(|c| c.law.depends_on_velocity())

@@ -49,7 +49,7 @@ def exponents(
     >>> flow = ftla.VariationalFlow(ftla.linear_regulator())
     >>> ax = plotting.exponents(flow.spectra([1.0, 0.4], [1.0, 2.0, 4.0]), dims=(1, 0, 1))
     >>> ax.get_xlabel()
-    'averaging time T, s'
+    'averaging time, s'
     """
     ax = ax or plt.figure(figsize=(5.0, 3.6), layout="constrained").add_subplot()
     times = [spectrum.time for spectrum in spectra]
@@ -168,7 +168,7 @@ def subspace_angles(
     >>> times = np.linspace(0.0, 2.0, 5)
     >>> ax = plotting.subspace_angles(flow, times, flow.state([1.0, 0.42], times), (1, 0, 1), averaging=2.0)
     >>> ax.get_xlabel()
-    't, s'
+    'time, s'
     """
     ax = ax or plt.figure(figsize=(8.0, 3.6), layout="constrained").add_subplot()
     times, points = np.asarray(times, dtype=float), np.asarray(points, dtype=float)

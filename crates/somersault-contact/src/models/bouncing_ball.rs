@@ -10,10 +10,7 @@ use somersault_integrators::force::Gravity;
 use somersault_integrators::state::RigidBodyState;
 use std::sync::Arc;
 
-/// A ball on the ground z = 0, under weight, that touches with its lowest point.
-///
-/// The contact is frictionless and so exerts no torque: the point of contact is the centre against the
-/// ground raised by the radius.
+/// A ball on the ground z = 0, under weight, that touches with its lowest point, without friction.
 #[derive(Debug, Clone)]
 pub struct BouncingBall {
     /// The ball, its weight and its contact.
@@ -26,8 +23,7 @@ impl BouncingBall {
     pub fn try_new(mass: f64, radius: f64, law: CompliantLaw) -> Result<Self, ModelError> {
         let inertia = somersault_core::Inertia::try_sphere(mass, radius).map_err(BodyError::from)?;
         let body = RigidBody::try_new(mass, inertia)?;
-        let ground = HalfSpace::try_new(Vector3::new(0.0, 0.0, radius), Vector3::z())?;
-        let contact = Contact::try_new(Vector3::zeros(), Arc::new(ground), law)?;
+        let contact = Contact::try_ball(Vector3::zeros(), radius, Arc::new(HalfSpace::ground()), law)?;
         let system = BodyInContact::new(body, (Gravity::earth(), Contacts::new(vec![contact])));
         Ok(Self { system, radius })
     }
