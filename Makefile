@@ -31,11 +31,11 @@ lint: $(VENV)/.extension-dev
 	$(BIN)/mypy
 
 # Benchmarks hold none, and without them the tests and the extension share one build of what they depend on; examples hold
-# none either, and clippy compiles them.
+# none either, and clippy compiles them. Compilers cannot reach the job server of make, and say so where they see one.
 # The tests in Rust.
 test-rust:
-	cargo test --workspace --exclude somersault-benches --tests
-	cargo test --workspace --exclude somersault-benches --doc
+	MAKEFLAGS= cargo test --workspace --exclude somersault-benches --tests
+	MAKEFLAGS= cargo test --workspace --exclude somersault-benches --doc
 
 # The tests in Python.
 test-python: $(VENV)/.extension-dev $(VENV)/.tour
