@@ -13,6 +13,7 @@ use super::function::{
 use super::guess::Guess;
 use super::interval::{Interval, NO_BOUND};
 use super::linkage::{Linkage, Quantity};
+use super::objective::Objective;
 use super::tree::TreeDynamics;
 use somersault_core::argument::expect_positive;
 use std::sync::Arc;
@@ -24,9 +25,9 @@ pub struct Phase {
     pub(super) sizes: Sizes,
     pub(super) dynamics: Box<dyn VectorFunction>,
     /// L, then g.
-    pub(super) path: Box<dyn VectorFunction>,
+    pub(super) path: Objective,
     /// Φ, then b.
-    pub(super) ends: Box<dyn VectorFunction>,
+    pub(super) ends: Objective,
     pub(super) bounds: PhaseBounds,
     pub(super) scales: Scales,
     pub(super) guess: Option<Guess>,
@@ -105,13 +106,26 @@ impl Phase {
         Self {
             sizes,
             dynamics,
-            path: Box::new(ByDuals::new(PathFormula(terms.clone(), sizes), sizes.point())),
-            ends: Box::new(ByDuals::new(EndFormula(terms, sizes), sizes.ends())),
+            path: Objective::new(Box::new(ByDuals::new(PathFormula(terms.clone(), sizes), sizes.point()))),
+            ends: Objective::new(Box::new(ByDuals::new(EndFormula(terms, sizes), sizes.ends()))),
             bounds,
             scales: Scales { state: Vec::new(), control: Vec::new() },
             guess: None,
             names: Names::default(),
         }
+    }
+
+    /// Costs and constraints that bring their derivatives: L, then path constraints, over (x, u, p, t); Φ, then end constraints,
+    /// over (x(t₀), x(t_f), p, t₀, t_f). They replace those that the phase was made with, and their bounds are free.
+    pub fn terms_with_derivatives(
+        mut self,
+        path: Box<dyn VectorFunction>,
+        ends: Box<dyn VectorFunction>,
+    ) -> Self {
+        let free = |n: usize| vec![Interval::FREE; n.saturating_sub(1)];
+        (self.bounds.path, self.bounds.end) = (free(path.n_outputs()), free(ends.n_outputs()));
+        (self.path, self.ends) = (Objective::new(path), Objective::new(ends));
+        self
     }
 
     /// Bounds of x at all times, one for each state.

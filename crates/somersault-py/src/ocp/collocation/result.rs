@@ -35,8 +35,8 @@ type Outcome = (String, f64, f64);
 type OnMesh = (Vec<f64>, Vec<usize>, (f64, f64));
 /// Defects, error and state of one integration from start to end, violation and what it is of, running and end cost, cost.
 type Confirmed = (Vec<f64>, f64, Vec<f64>, (f64, String), (f64, f64), f64);
-/// Of a mesh: bounds, points, cost, errors, status, steps, seconds.
-type Tried = (Vec<f64>, Vec<usize>, f64, [f64; 5], String, usize, f64);
+/// Of a mesh: bounds, points, whether it was for a start, cost, errors, status, steps, seconds.
+type Tried = (Vec<f64>, Vec<usize>, bool, f64, [f64; 5], String, usize, f64);
 
 impl CollocationResult {
     pub(super) fn of(
@@ -171,7 +171,8 @@ impl CollocationResult {
         self.at(py, t, PhaseSolution::costate)
     }
 
-    /// list of dict: All meshes: ``n_intervals``, ``n_points``, ``cost``, estimated errors, relative, of the states (``error``),
+    /// list of dict: All meshes: ``n_intervals``, ``n_points``, ``is_start`` (whether least effort on a fixed horizon was sought for
+    /// a start, with no estimated errors), ``cost``, estimated errors, relative, of the states (``error``),
     /// the cost (``cost_error``), the costates (``costate_error``) and the Hamiltonian (``hamiltonian_error``), the ``violation`` of
     /// bounds of states between the points, ``status`` of the program, ``nit`` and ``seconds``.
     #[getter]
@@ -180,6 +181,7 @@ impl CollocationResult {
             let entry = PyDict::new(py);
             entry.set_item("n_intervals", record.meshes[0].n_intervals())?;
             entry.set_item("n_points", record.meshes[0].n_points())?;
+            entry.set_item("is_start", record.is_start)?;
             entry.set_item("cost", record.cost)?;
             let Accuracy { equations, cost, costates, hamiltonian, violation } = record.accuracy;
             entry.set_item("error", equations)?;
@@ -211,7 +213,8 @@ impl CollocationResult {
             let points = mesh.points().to_vec();
             let Accuracy { equations, cost, costates, hamiltonian, violation } = record.accuracy;
             let errors = [equations, cost, costates, hamiltonian, violation];
-            (mesh.bounds().to_vec(), points, record.cost, errors, status, record.iterations, seconds)
+            let (bounds, is_start) = (mesh.bounds().to_vec(), record.is_start);
+            (bounds, points, is_start, record.cost, errors, status, record.iterations, seconds)
         };
         let on_mesh: OnMesh =
             (phase.mesh().bounds().to_vec(), phase.mesh().points().to_vec(), phase.horizon());
@@ -274,13 +277,13 @@ impl CollocationResult {
             let (n, found) = (2 * model.n_velocities(), phase.states[0].len());
             return Err(Error::input(format!("`states` must have {n} columns, found {found}")));
         }
-        let tried = |(bounds, points, cost, errors, status, iterations, seconds): Tried| {
+        let tried = |(bounds, points, is_start, cost, errors, status, iterations, seconds): Tried| {
             let time = Duration::try_from_secs_f64(seconds)
                 .map_err(|_| Error::input(format!("`seconds` must not be negative, found {seconds}")))?;
             let meshes = vec![Mesh::try_new(bounds, points)?];
             let [equations, of_cost, costates, hamiltonian, violation] = errors;
             let accuracy = Accuracy { equations, cost: of_cost, costates, hamiltonian, violation };
-            Ok(MeshRecord { meshes, cost, accuracy, status: status_of(&status)?, iterations, time })
+            Ok(MeshRecord { meshes, is_start, cost, accuracy, status: status_of(&status)?, iterations, time })
         };
         let confirmed = PhaseConfirmation {
             defects,
