@@ -14,8 +14,10 @@ use super::guess::Guess;
 use super::interval::{Interval, NO_BOUND};
 use super::linkage::{Linkage, Quantity};
 use super::objective::Objective;
+use super::traced::TracedFunction;
 use super::tree::TreeDynamics;
 use somersault_core::argument::expect_positive;
+use somersault_expr::{ExprError, Function};
 use std::sync::Arc;
 
 /// A stretch of time with its equations, costs, constraints and bounds.
@@ -87,6 +89,37 @@ impl Phase {
     ) -> Self {
         let sizes = Sizes { states: dynamics.n_outputs(), controls: n_controls, parameters: n_parameters };
         Self::assemble(sizes, dynamics, terms)
+    }
+
+    /// Functions traced into graphs: f over (x, u, p, t), as many states as outputs; L, then path constraints, over the same; Φ,
+    /// then end constraints, over (x(t₀), x(t_f), p, t₀, t_f).
+    pub fn try_traced(
+        [dynamics, path, ends]: [&Function; 3],
+        n_controls: usize,
+        n_parameters: usize,
+    ) -> Result<Self, CollocationError> {
+        let sizes = Sizes { states: dynamics.n_outputs(), controls: n_controls, parameters: n_parameters };
+        for (argument, function, expected) in [
+            ("inputs of the dynamics", dynamics, sizes.point()),
+            ("inputs of the path", path, sizes.point()),
+            ("inputs of the ends", ends, sizes.ends()),
+        ] {
+            expect_length(None, argument, function.n_inputs(), expected)?;
+        }
+        for (argument, function) in [("outputs of the path", path), ("outputs of the ends", ends)] {
+            if function.n_outputs() == 0 {
+                return Err(CollocationError::Length { phase: None, argument, expected: 1, found: 0 });
+            }
+        }
+        let boxed = |function| Ok::<_, ExprError>(Box::new(TracedFunction::try_new(function)?));
+        Ok(Self::with_derivatives(boxed(dynamics)?, n_controls, n_parameters, ())
+            .terms_with_derivatives(boxed(path)?, boxed(ends)?))
+    }
+
+    /// Names of states and controls, for errors and messages.
+    pub fn names(mut self, states: impl Into<Vec<String>>, controls: impl Into<Vec<String>>) -> Self {
+        self.names = Names { states: states.into(), controls: controls.into() };
+        self
     }
 
     fn assemble(sizes: Sizes, dynamics: Box<dyn VectorFunction>, terms: impl Terms + 'static) -> Self {

@@ -21,7 +21,11 @@ pub(crate) struct CollocationOutcome {
 
 impl CollocationOutcome {
     /// One tree for each phase that is one of a tree.
-    pub(super) fn of(report: Arc<CollocationReport>, models: Vec<Option<multibody::Model>>, tol: f64) -> Self {
+    pub(super) fn of(
+        report: Arc<CollocationReport>,
+        models: Vec<Option<multibody::Model>>,
+        tol: f64,
+    ) -> Self {
         let judged = report.clone();
         let verifier = Verifier::new(move |py| {
             let confirmation = &judged.confirmation;
