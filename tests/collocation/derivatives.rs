@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use somersault_core::Scalar;
-use somersault_expr::{Block, Function};
+use somersault_expr::{Block, ExprFunction};
 use somersault_multibody::{models::CartPendulum, models::TwoLinkArm};
 use somersault_nlp::{Nlp, Pattern};
 use somersault_ocp::collocation::{
@@ -177,7 +177,7 @@ fn derivatives_through_trees_are_exact() {
 /// The same problem, its functions traced into graphs.
 fn traced_tangle() -> Phase {
     let point = || ["x", "u", "p"].map(|name| Block::new(name, [2])).into_iter().chain([Block::new("t", [])]);
-    let dynamics = Function::trace(point().collect(), |blocks| {
+    let dynamics = ExprFunction::trace(point().collect(), |blocks| {
         let [x, u, p, t] = blocks else { panic!("four blocks") };
         let (t, v) = (t[0], u[1]);
         vec![
@@ -185,7 +185,7 @@ fn traced_tangle() -> Phase {
             (x[0] * p[1] - x[1] * v).cos() + u[0] * t * t * x[0],
         ]
     });
-    let path = Function::trace(point().collect(), |blocks| {
+    let path = ExprFunction::trace(point().collect(), |blocks| {
         let [x, u, p, t] = blocks else { panic!("four blocks") };
         let t = t[0];
         vec![
@@ -195,7 +195,7 @@ fn traced_tangle() -> Phase {
         ]
     });
     let ends = ["first", "last", "p", "times"].map(|name| Block::new(name, [2]));
-    let ends = Function::trace(ends.to_vec(), |blocks| {
+    let ends = ExprFunction::trace(ends.to_vec(), |blocks| {
         let [first, last, p, times] = blocks else { panic!("four blocks") };
         vec![first[0] * last[1] * times[1] * p[0] + times[0].sin(), (first[1] - last[0]) * times[0] * p[1]]
     });

@@ -17,7 +17,7 @@ use super::objective::Objective;
 use super::traced::TracedFunction;
 use super::tree::TreeDynamics;
 use somersault_core::argument::expect_positive;
-use somersault_expr::{ExprError, Function};
+use somersault_expr::{ExprError, ExprFunction};
 use std::sync::Arc;
 
 /// A stretch of time with its equations, costs, constraints and bounds.
@@ -94,7 +94,7 @@ impl Phase {
     /// Functions traced into graphs: f over (x, u, p, t), as many states as outputs; L, then path constraints, over the same; Φ,
     /// then end constraints, over (x(t₀), x(t_f), p, t₀, t_f).
     pub fn try_traced(
-        [dynamics, path, ends]: [&Function; 3],
+        [dynamics, path, ends]: [&ExprFunction; 3],
         n_controls: usize,
         n_parameters: usize,
     ) -> Result<Self, CollocationError> {

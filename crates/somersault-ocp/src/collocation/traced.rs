@@ -2,10 +2,10 @@
 
 use super::function::VectorFunction;
 use nalgebra::DMatrix;
-use somersault_expr::{ArgumentError, Derivative, Evaluator, ExprError, Function};
+use somersault_expr::{ArgumentError, Derivative, Evaluator, ExprError, ExprFunction};
 use somersault_nlp::EvaluationError;
 
-/// A [`Function`] as collocation evaluates it: values, Jacobian and Hessian are tapes.
+/// A [`ExprFunction`] as collocation evaluates it: values, Jacobian and Hessian are tapes.
 pub struct TracedFunction {
     values: Evaluator,
     jacobian: Entries,
@@ -45,7 +45,7 @@ fn failed(error: ArgumentError) -> EvaluationError {
 
 impl TracedFunction {
     /// Makes the derivatives of the graph, if it has none yet.
-    pub fn try_new(function: &Function) -> Result<Self, ExprError> {
+    pub fn try_new(function: &ExprFunction) -> Result<Self, ExprError> {
         Ok(Self {
             values: function.evaluator(),
             jacobian: Entries::new(function.jacobian()?),
