@@ -6,6 +6,7 @@
 
 use super::bounds::PhaseBounds;
 use super::error::{CollocationError, expect_length};
+use super::function::VectorFunction;
 use super::guess::Guess;
 use super::layout::PhaseLayout;
 use super::mesh::{Grid, GridInterval, Mesh};
