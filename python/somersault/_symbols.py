@@ -39,7 +39,10 @@ def line_of_user() -> str:
 
 def refusal(message: str) -> TraceError:
     """What is raised where a function cannot be traced, with the line of it."""
-    return TraceError(f"{line_of_user()}: {message}")
+    place = line_of_user()
+    error = TraceError(f"{place}: {message}")
+    error.place, error.reason = place, message
+    return error
 
 
 _NO_VALUE = (
@@ -384,8 +387,9 @@ def _function(function: Any, arguments: Sequence[Any], options: dict[str, Any]) 
         inner = {key: _as_array(option) for key, option in options.items()}
         token = objects(0.0).view(SymbolArray)
         found = np.ndarray.__array_function__(token, function, (SymbolArray,), own, inner)
-    except TraceError:
-        raise
+    except TraceError as error:
+        known = name in error.reason
+        raise error if known else refusal(f"{name} cannot be traced: {error.reason}") from None
     except (TypeError, ValueError, AttributeError, NotImplementedError) as error:
         raise refusal(f"{name} cannot be traced: {error}") from error
     if isinstance(found, list | tuple):
