@@ -9,8 +9,8 @@ pub enum ExprError {
     /// An argument is not allowed.
     #[error(transparent)]
     Argument(#[from] ArgumentError),
-    /// An expression of another graph was used, or the graph has more nodes than it may have.
-    #[error("expression {found} is none of this graph, which has {allowed}")]
+    /// An expression of another graph was used.
+    #[error("expression {found} belongs to another graph, this one has {allowed}")]
     Foreign {
         /// Number of the expression.
         found: usize,
@@ -28,7 +28,7 @@ pub enum ExprError {
         allowed: usize,
     },
     /// A derivative by something that is not an input.
-    #[error("derivatives are taken by inputs, expression {found} is none")]
+    #[error("derivatives are taken with respect to inputs, expression {found} is not an input")]
     NotAnInput {
         /// Number of the expression.
         found: usize,

@@ -66,7 +66,7 @@ impl Evaluator {
 
     /// The outputs at several points, whose inputs follow one another, eight at a time.
     ///
-    /// Results do not depend on the other points. They are those of one point to the bit, except for sines, cosines, exponentials
+    /// Results do not depend on the other points. They are those of one point bit for bit, except for sines, cosines, exponentials
     /// and logarithms, which may differ in the last bit.
     pub fn evaluate_many(&mut self, inputs: &[f64], outputs: &mut [f64]) -> Result<(), ArgumentError> {
         let points = self.points(inputs, outputs)?;

@@ -6,7 +6,7 @@ use crate::graph::{Expression, Graph};
 use crate::sparsity::Sparsity;
 use crate::symbol::Symbol;
 use crate::tape::Tape;
-use somersault_core::argument::expect_length;
+use somersault_core::argument::{ArgumentError, expect_length};
 use std::cell::RefCell;
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};
@@ -148,9 +148,19 @@ impl ExprFunction {
         self.0.values.n_inputs
     }
 
+    /// Fails unless there are as many inputs as the function takes.
+    pub fn expect_inputs(&self, found: usize) -> Result<(), ArgumentError> {
+        expect_length("inputs", found, self.n_inputs())
+    }
+
     /// Number of outputs.
     pub fn n_outputs(&self) -> usize {
         self.0.outputs.len()
+    }
+
+    /// Instructions for the outputs at one point.
+    pub fn n_instructions(&self) -> usize {
+        self.0.values.instructions.len()
     }
 
     /// What evaluates the outputs.

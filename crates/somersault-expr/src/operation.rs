@@ -175,7 +175,7 @@ macro_rules! operations {
                 }
             }
 
-            /// The value; arguments are asked for where there are any.
+            /// The value; arguments are read where there are any.
             #[inline(always)]
             pub(crate) fn value(
                 self, first: impl Fn() -> f64, second: impl Fn() -> f64, third: impl Fn() -> f64,
