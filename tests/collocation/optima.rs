@@ -70,6 +70,19 @@ fn the_least_time_of_a_pendulum_is_found_from_a_straight_line_through_least_effo
     assert!((report.cost - known.cost).abs() < 1e-6, "{}", report.cost);
 }
 
+/// Any of u + 2πk solves the program at a point. From a straight line Newton's steps leave a k of its own at each, which is no motion
+/// between the points.
+#[test]
+fn angles_that_a_program_winds_up_are_unwound() {
+    let known = known::ALL.iter().find(|known| known.name == "brachistochrone").unwrap();
+    for mesh in [uniform(20, 3), uniform(10, 4), uniform(25, 4)] {
+        let report = solve_phases(known.problem(), &[mesh], 1e-6);
+        assert!((report.cost - known.cost).abs() < 1e-6, "{}", report.cost);
+        let angles: Vec<f64> = report.phases[0].controls.iter().map(|u| u[0]).collect();
+        assert!(angles.windows(2).all(|pair| pair[1] < pair[0] && pair[0] < 2.0), "{angles:?}");
+    }
+}
+
 /// Where no horizon within the bounds has a motion, that is what is said, with all that was tried.
 #[test]
 fn a_block_that_cannot_arrive_in_time_is_infeasible_after_all_horizons() {

@@ -85,6 +85,7 @@ mod transcription;
 mod tree;
 mod vector;
 mod view;
+mod winding;
 
 pub use confirmation::{Confirmation, PhaseConfirmation, confirm, confirm_cancellable};
 pub use error::{CollocationError, Entry};

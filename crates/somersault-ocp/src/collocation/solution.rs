@@ -89,6 +89,11 @@ impl TryFrom<Parts> for PhaseSolution {
 }
 
 impl PhaseSolution {
+    /// Other values of a control at the collocation points.
+    pub(super) fn set_control(&mut self, control: usize, values: impl Iterator<Item = f64>) {
+        self.rows.controls.iter_mut().zip(values).for_each(|(row, value)| row[control] = value);
+    }
+
     /// A solution from its rows, one that was stored, say.
     pub fn try_new(mesh: Mesh, horizon: (f64, f64), rows: PhaseRows) -> Result<Self, CollocationError> {
         let (start, end) = horizon;

@@ -10,6 +10,7 @@ use super::radau::MAX_POINTS;
 use super::refinement;
 use super::solution::{PhaseSolution, RestMultipliers};
 use super::transcription::Transcription;
+use super::winding::unwind;
 use somersault_core::argument::expect_positive;
 use somersault_core::cancel::CancellationToken;
 use somersault_nlp::{Flow, Globalisation, Iteration, NlpSolver, Report, Sqp, Start, Status};
@@ -189,7 +190,7 @@ impl<S: NlpSolver> Collocation<S> {
                 }
             };
             let program = self.solver.solve(&mut transcription, &start, on_iteration)?;
-            let phases = transcription.solution(&program.z, &program.constraint_multipliers)?;
+            let mut phases = transcription.solution(&program.z, &program.constraint_multipliers)?;
             let rest = transcription.rest(&program.constraint_multipliers);
             let held: Vec<_> = (0..phases.len())
                 .map(|k| transcription.state_multipliers(k, &program.bound_multipliers))
@@ -197,6 +198,9 @@ impl<S: NlpSolver> Collocation<S> {
             let runs_away = program.status.is_converged()
                 && transcription.time_runs_away(&program.z, &program.constraint_multipliers)?;
             drop(transcription);
+            for (phase, solution) in problem.phases.iter_mut().zip(&mut phases) {
+                unwind(phase, solution)?;
+            }
             let is_cut = token.is_cancelled();
             let size = program.cost.abs().max(1.0);
             let (mut errors, mut optimal) = (Vec::new(), Vec::new());
