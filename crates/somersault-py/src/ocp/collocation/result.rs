@@ -192,7 +192,7 @@ impl CollocationResult {
         self.at(py, t, PhaseSolution::costate)
     }
 
-    /// list of dict: All meshes: ``n_intervals``, ``n_points``, ``is_start`` (whether least effort on a fixed horizon was sought for
+    /// list of dict: All meshes: ``n_intervals``, ``n_points``, ``is_start`` (whether minimum effort on a fixed horizon was sought for
     /// a start, with no estimated errors), ``cost``, estimated errors, relative, of the states (``error``),
     /// the cost (``cost_error``), the costates (``costate_error``) and the Hamiltonian (``hamiltonian_error``), the ``violation`` of
     /// bounds of states between the points, ``status`` of the program, ``nit`` and ``seconds``.
