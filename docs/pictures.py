@@ -150,7 +150,7 @@ def touch() -> None:
 def optimise() -> None:
     """Two extremals of the arm."""
     figure = plt.figure(figsize=_SIZE, layout="constrained")
-    figure.suptitle("An arm folds, turns and unfolds with least effort", fontsize=14)
+    figure.suptitle("An arm folds, turns and unfolds with minimum effort", fontsize=14)
     motions = (
         (ocp.arm_motion(np.pi), "to the right first:\ncost"),
         (ocp.arm_motion(-np.pi, turn=-2 * np.pi), "to the left first:\nless cost,"),

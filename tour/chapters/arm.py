@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from somersault import multibody, ocp, viewer
+from somersault import multibody, ocp, plotting, viewer
 from tour import thesis
 from tour.measurements import Measurements
 from tour.page import Cell, Page, error_size, power, words
@@ -48,7 +48,7 @@ def _panels(t: Array, rows: Sequence[tuple[Array, Sequence[str], str]]) -> Axes:
         ax.set_ylabel(label)
         ax.grid(color="0.92")
         ax.margins(x=0)
-        ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+        plotting.label_ends(ax)
     axes[-1].set_xlabel("time, s")
     drawn: Axes = axes[0]
     return drawn
@@ -66,16 +66,16 @@ def _hamiltonians(results: dict[float, ocp.CollocationResult]) -> Axes:
         results.items(), (_COLOURS[2], "#c1121f", _COLOURS[0]), strict=True
     ):
         label = f"tolerance {power(tolerance)}"
-        axes[0].plot(result.t[:-1], result.hamiltonian, color=colour, lw=1.2, label=label)
+        axes[0].plot(result.t[:-1], result.hamiltonian, color=colour, lw=1.2)
         away = np.maximum(np.abs(result.hamiltonian - level), 1e-13)
-        axes[1].semilogy(result.t[:-1], away, color=colour, lw=1.0)
+        axes[1].semilogy(result.t[:-1], away, color=colour, lw=1.0, label=label)
     axes[0].set_ylabel("Hamiltonian")
     axes[1].set_ylabel("distance from\nits median")
     axes[1].set_xlabel("time, s")
-    axes[0].legend(frameon=False)
     for ax in axes:
         ax.grid(color="0.92")
         ax.margins(x=0)
+        plotting.label_ends(ax)
     drawn: Axes = axes[0]
     return drawn
 
@@ -160,8 +160,8 @@ def write(page: Page, measurements: Measurements) -> None:
         _panels(
             t,
             [
-                (x[:, :2], _STATES[:2], "rad"),
-                (x[:, 2:], _STATES[2:], "rad/s"),
+                (x[:, :2], _STATES[:2], "angles, rad"),
+                (x[:, 2:], _STATES[2:], "rates, rad/s"),
                 (costates[:, :2], _COSTATES[:2], "costates of angles"),
                 (costates[:, 2:], _COSTATES[2:], "costates of rates"),
             ],

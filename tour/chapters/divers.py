@@ -48,20 +48,14 @@ def _drawn(diver: multibody.Diver, views: tuple[str, ...]) -> Axes:
     import matplotlib.pyplot as plt
 
     postures = diver.postures
-    figure = plt.figure(figsize=(1.45 * len(postures), 2.4 * len(views)), layout="constrained")
+    figure = plt.figure(figsize=(1.1 * len(postures), 1.6 * len(views)), layout="constrained")
     axes = figure.subplots(len(views), len(postures), sharex=True, sharey="row", squeeze=False)
     for row, view in zip(axes, views, strict=True):
         for ax, posture in zip(row, postures, strict=True):
             plotting.tree_configuration(diver.model, diver.configuration(posture), view, ax=ax)
-            ax.set(xlabel="", ylabel="")
-            ax.set_xticks([])
-            ax.grid(axis="y", color="0.92")
-            ax.set_axisbelow(True)
-            for side in ("top", "right", "bottom"):
-                ax.spines[side].set_visible(False)
-        row[0].set_ylabel(f"{view[1]}, m")
+            ax.set_axis_off()
     for ax, posture in zip(axes[0], postures, strict=True):
-        ax.set_title(posture)
+        ax.set_title(posture, fontsize=15)
     drawn: Axes = axes[0, 0]
     return drawn
 

@@ -100,7 +100,7 @@ def _splines(page: Page) -> None:
     ax.plot(fraction, held(p, fraction, 1)[:, 0] / 5.0, color=_RED, lw=1.2, label="its rate / 5")
     ax.axhline(0.0, color="0.8", lw=0.8)
     ax.set(xlabel="fraction of the duration", xlim=(0.0, 1.0))
-    ax.legend(frameon=False)
+    plotting.label_ends(ax)
     at_ends = np.abs([held(p, s, r)[0] for s in (0.0, 1.0) for r in (0, 1)]).max()
     page.figure(
         "spline-ends",
