@@ -20,6 +20,8 @@ STYLE = files(__package__).joinpath("page.css").read_text(encoding="utf-8")
 LETTERS = 12.0
 #: Height of letters below which a telephone does not make a figure smaller, in pixels of the page.
 _LEGIBLE = 9.5
+#: Pixels of the page for an inch of a figure where there is room.
+_INCH = 105
 
 
 @dataclass(frozen=True)
@@ -135,10 +137,11 @@ class Page:
         figure.savefig(path, dpi=144)
         plt.close(figure)
         self.figures.append(path)
-        least = round(72.0 * figure.get_figwidth() * _LEGIBLE / LETTERS)
+        width = figure.get_figwidth()
+        least, most = round(72.0 * width * _LEGIBLE / LETTERS), round(_INCH * width)
         self._pieces.append(
             f'<figure><img src="figures/{path.name}" alt="{escape(description)}" loading="lazy"'
-            f' style="--least: {least}px">'
+            f' style="--least: {least}px; --most: {most}px">'
             f"<figcaption>{caption}</figcaption></figure>"
         )
 

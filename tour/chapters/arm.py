@@ -40,7 +40,7 @@ def _panels(t: Array, rows: Sequence[tuple[Array, Sequence[str], str]]) -> Axes:
     """Curves over time, one panel for each group."""
     import matplotlib.pyplot as plt
 
-    figure = plt.figure(figsize=(8.0, 2.6 * len(rows) + 0.4), layout="constrained")
+    figure = plt.figure(figsize=(6.4, 2.6 * len(rows) + 0.4), layout="constrained")
     axes = figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
     for ax, (values, names, label) in zip(axes, rows, strict=True):
         for column, name, colour in zip(values.T, names, _COLOURS, strict=False):
@@ -58,7 +58,7 @@ def _hamiltonians(results: dict[float, ocp.CollocationResult]) -> Axes:
     """Hamiltonian over time for several tolerances."""
     import matplotlib.pyplot as plt
 
-    figure = plt.figure(figsize=(8.0, 5.0), layout="constrained")
+    figure = plt.figure(figsize=(6.4, 5.0), layout="constrained")
     axes = figure.subplots(2, 1, sharex=True)
     finest = results[min(results)]
     level = float(np.median(finest.hamiltonian))
@@ -173,7 +173,8 @@ def write(page: Page, measurements: Measurements) -> None:
     page.figure(
         "arm-torques",
         _panels(t, [(folded.control(t), ("u₁", "u₂"), "torque, N m")]),
-        "Figure 8.5: torques.",
+        "Figure 8.5: torques. That of the wall falls steadily and brakes in the second half; that of the"
+        " elbow acts at both ends, where the second link folds and unfolds.",
         "Two curves over ten seconds",
     )
     rows: list[list[str | Cell]] = []

@@ -19,7 +19,8 @@ Array = NDArray[np.float64]
 
 TITLE = "Divers and their postures"
 
-_POSTURES = {
+#: The postures of thesis Figure 2.2, by their letters.
+POSTURES = {
     "A": "layout, arms overhead",
     "B": "layout, arms at the sides",
     "C": "layout, arms sideways",
@@ -70,7 +71,7 @@ def _scene(diver: multibody.Diver) -> viewer.Scene:
     for k, posture in enumerate(diver.postures):
         after = diver.configuration(posture)
         q += [before + blend * (after - before), np.tile(after, (14, 1))]
-        scene.caption(k, f"{posture}: {_POSTURES[posture]}")
+        scene.caption(k, f"{posture}: {POSTURES[posture]}")
         before = after
     rows = np.concatenate(q)
     t = np.arange(len(rows)) * (len(diver.postures) / len(rows))
@@ -89,7 +90,7 @@ def _table(page: Page, diver: multibody.Diver, caption: str) -> dict[str, Array]
         x, y, z = diver.model.center_of_mass(q)
         rows.append(
             [
-                words(f"{posture}: {_POSTURES[posture]}"),
+                words(f"{posture}: {POSTURES[posture]}"),
                 *(f"{round(1e3 * value, 1) + 0.0:.1f}".replace("-", "−") for value in (x, y, z)),
                 *(f"{value:.3f}" for value in moments),
                 f"{tensor[1, 1]:.3f}",

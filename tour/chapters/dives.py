@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
 from somersault import ocp, plotting, viewer
+from tour.chapters.divers import POSTURES
 from tour.measurements import Measurements
 from tour.page import Cell, Page, error_size, number, words
 
@@ -97,7 +98,7 @@ def _integral(rate: Array, t: Array) -> float:
 def _rates(dive: ocp.DiveSolution) -> Axes:
     """Figure 3.4 in numbers: rates of the angles, and projections of the angular velocity."""
     lateral, long = _projections(dive)
-    figure = plt.figure(figsize=(8.0, 4.6), layout="constrained")
+    figure = plt.figure(figsize=(6.4, 4.6), layout="constrained")
     top, bottom = figure.subplots(2, 1, sharex=True)
     for ax, rate, projection, name, colour in (
         (top, dive.somersault_rate, lateral, "somersault", "#228833"),
@@ -115,7 +116,7 @@ def _rates(dive: ocp.DiveSolution) -> Axes:
 
 def _turns(dive: ocp.DiveSolution) -> Axes:
     """Somersaults, twists and tilt over weights."""
-    figure = plt.figure(figsize=(8.0, 5.4), layout="constrained")
+    figure = plt.figure(figsize=(6.4, 5.4), layout="constrained")
     top, bottom = figure.subplots(2, 1, sharex=True)
     top.plot(dive.t, dive.somersaults, color="#228833", lw=1.9, label="somersaults")
     top.plot(dive.t, dive.twists, color="#4477aa", lw=1.9, label="twists")
@@ -130,7 +131,7 @@ def _turns(dive: ocp.DiveSolution) -> Axes:
 def _scene(dive: ocp.DiveSolution, title: str) -> viewer.Scene:
     scene = viewer.Scene(title)
     for name, start, _ in dive.phases:
-        scene.caption(start, f"mostly {name}")
+        scene.caption(start, f"mostly {name}: {POSTURES[name]}")
     scene.add(dive)
     return scene.water(0.0).platform(dive.dive.options["platform"]).camera("corner").play(0.5)
 
@@ -238,7 +239,7 @@ def _pike(page: Page, dive: ocp.DiveSolution, seconds: float) -> None:
         "A diver leans forward, folds, turns over three and a half times and opens to enter hands first",
     )
     exit_ = dive.phases[-1][1]
-    ax = _weights(dive, plt.figure(figsize=(7.0, 2.8), layout="constrained").add_subplot())
+    ax = _weights(dive, plt.figure(figsize=(6.4, 2.8), layout="constrained").add_subplot())
     ax.axvline(exit_, color="0.6", lw=0.9, ls=":")
     page.figure(
         "dive-weight",

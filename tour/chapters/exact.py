@@ -34,7 +34,7 @@ def _spin(motion: somersault.Trajectory) -> Axes:
     """The angular velocity as the body sees it, and the angular momentum in the world."""
     import matplotlib.pyplot as plt
 
-    axes = plt.figure(figsize=(8.0, 5.0), layout="constrained").subplots(2, 1, sharex=True)
+    axes = plt.figure(figsize=(6.4, 5.0), layout="constrained").subplots(2, 1, sharex=True)
     spins = ("about x,\nthe short axis", "about y,\nthe middle axis", "about z,\nthe long axis")
     for k, (name, colour) in enumerate(zip(spins, AXES, strict=True)):
         axes[0].plot(motion.t, motion.angular_velocity_body[:, k], color=colour, label=name)

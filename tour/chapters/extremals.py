@@ -91,7 +91,7 @@ def _limited(extremal: ftla.Extremal) -> tuple[Solved, Array]:
 def _torques(free: ftla.Extremal, limited: ftla.Extremal, limits: Array) -> Axes:
     import matplotlib.pyplot as plt
 
-    figure = plt.figure(figsize=(8.0, 4.6), layout="constrained")
+    figure = plt.figure(figsize=(6.4, 4.6), layout="constrained")
     axes = figure.subplots(2, 1, sharex=True)
     t = np.linspace(0.0, 10.0, 1001)
     for i, ax in enumerate(axes):
@@ -189,7 +189,8 @@ def write(page: Page, measurements: Measurements) -> None:
     page.figure(
         "extremals-limited",
         _torques(extremal, limited.extremal, limits),
-        "Torques with and without limits, which are dashed.",
+        "Torques with and without limits, which are dashed: a torque stays at its limit where it would exceed"
+        " it, and is larger in between.",
         "Two torques over ten seconds; the limited ones are flat where the others peak",
     )
     page.section("Scalar problems")

@@ -137,7 +137,7 @@ def _errors(grid: ftla.MatchingResult) -> Axes:
         "matched −\npolished": (grid.nodes(t) - polished, polished, {"color": _BLUE, "lw": 1.2}),
         "collocated −\npolished": (reference - polished, polished, {"color": _RED, "lw": 1.2}),
     }
-    figure = plt.figure(figsize=(8.0, 5.4), layout="constrained")
+    figure = plt.figure(figsize=(6.4, 5.4), layout="constrained")
     axes = figure.subplots(2, 1, sharex=True)
     for name, (difference, to, look) in curves.items():
         size = np.linalg.norm(difference, axis=1)

@@ -214,7 +214,8 @@ def _synthetic(page: Page, measurements: Measurements) -> None:
     page.figure(
         "recorded-body",
         _body_centred(shown),
-        "Height of the centre of mass, and moments of inertia about it along the axes of the trunk.",
+        "Height of the centre of mass, and moments of inertia about it along the axes of the trunk: the pike"
+        " before the entry makes those about the forward and the left axis small, and the somersault fast.",
         "Two columns; the height rises and falls, the moments of inertia change with the posture",
     )
     scene = viewer.Scene("SYNTHETIC: a twisting dive").camera("corner").water(0.0).play(0.5)

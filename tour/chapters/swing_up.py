@@ -107,7 +107,7 @@ def _curves(motion: ocp.Motion, optimum: ocp.CollocationResult) -> Axes:
     """Position of the cart, angle of the pendulum and force."""
     import matplotlib.pyplot as plt
 
-    figure = plt.figure(figsize=(8.0, 7.0), layout="constrained")
+    figure = plt.figure(figsize=(6.4, 7.0), layout="constrained")
     axes = figure.subplots(3, 1, sharex=True)
     t = np.linspace(0.0, 2.0, 401)
     of_optimum = (*optimum.state(t)[:, :2].T, optimum.control(t)[:, 0])
@@ -129,7 +129,7 @@ def _costs(cases: list[Case], optimum: float) -> Axes:
     """Costs over the number of parameters."""
     import matplotlib.pyplot as plt
 
-    figure = plt.figure(figsize=(8.0, 7.0), layout="constrained")
+    figure = plt.figure(figsize=(6.4, 7.0), layout="constrained")
     axes = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     p = [thesis.SWING_UP[case.name][0] for case in cases]
     seen = [case.report.cost for case in cases]
@@ -270,7 +270,7 @@ def write(page: Page, measurements: Measurements) -> None:
         "swing-up-curves",
         _curves(motion, optimum),
         "Figure A.3: position of the cart, angle of the pendulum from the upright and force on the cart;"
-        " dashed the continuous-time optimum.",
+        " dashed the continuous-time optimum. The motions are alike, the forces are not.",
         "Three panels of curves over two seconds",
     )
     _scene(problem, motion).write(page.folder / "swing_up_motion.html")

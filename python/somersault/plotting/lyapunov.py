@@ -171,7 +171,7 @@ def subspace_angles(
     >>> ax.get_xlabel()
     'time, s'
     """
-    ax = ax or plt.figure(figsize=(8.0, 3.6), layout="constrained").add_subplot()
+    ax = ax or plt.figure(figsize=(6.4, 3.6), layout="constrained").add_subplot()
     times, points = np.asarray(times, dtype=float), np.asarray(points, dtype=float)
     found = np.full((len(times), 3), np.nan)
     for row, (p, h) in enumerate(zip(points, flow.system.field(points), strict=True)):
