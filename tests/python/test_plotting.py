@@ -1,5 +1,6 @@
 """Figures: what is drawn, not how it looks."""
 
+import itertools
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -48,6 +49,23 @@ def test_stability_regions_are_closed_curves_and_shared_ones_are_drawn_once() ->
     assert legend is not None
     assert [text.get_text() for text in legend.get_texts()] == ["Euler  (3.14)", "MP, Heun  (5.87)"]
     assert "lambda_R" in ax.get_xlabel()
+
+
+def test_labels_stand_at_the_ends_of_their_lines_and_apart() -> None:
+    ax = plt.figure(figsize=(5.0, 4.0), layout="constrained").add_subplot()
+    for end, label in ((1.0, "high"), (0.02, "low"), (0.01, "lower"), (0.0, "_unnamed"), (np.nan, "gone")):
+        ax.semilogy([0.0, 1.0, 2.0], [0.5, 0.5, end], label=label)
+    plotting.label_ends(ax)
+    labels = {text.get_text(): text for text in ax.texts}
+    assert set(labels) == {"high", "low", "lower", "gone"}
+    ax.figure.draw_without_rendering()
+    boxes = [labels[name].get_window_extent() for name in ("lower", "low", "gone", "high")]
+    assert all(above.y0 >= below.y1 for below, above in itertools.pairwise(boxes))
+    for name, end in (("high", 1.0), ("gone", 0.5), ("lower", 0.01)):
+        line = next(line for line in ax.lines if line.get_label() == name)
+        assert labels[name].get_color() == line.get_color()
+        place = ax.transAxes.inverted().transform(ax.transData.transform((0.0, end)))[1]
+        assert labels[name].get_position()[1] == pytest.approx(place, abs=0.03)
 
 
 def test_energy_ratios_point_to_what_is_beyond() -> None:

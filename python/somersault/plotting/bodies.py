@@ -11,6 +11,7 @@ from matplotlib.patches import Ellipse
 from numpy.typing import NDArray
 
 import somersault
+from somersault.plotting.labels import label_ends
 from somersault.plotting.palette import AXES, MUTED
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ def body_motion(trajectory: somersault.Trajectory, axes: Sequence[Axes] | None =
     for ax in axes:
         ax.grid(color="0.92")
         ax.margins(x=0)
-        ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+        label_ends(ax)
     return axes
 
 
