@@ -19,6 +19,10 @@
 //! | `serde` | serde's traits for bodies, states, models and results |
 //! | `storage` | versioned files, with `serde` |
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::unreachable, clippy::todo)
+)]
 
 #[cfg(feature = "contact")]
 pub use somersault_contact as contact;
