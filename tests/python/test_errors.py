@@ -146,6 +146,8 @@ def test_choices_name_what_is_allowed() -> None:
 
 def test_bodies_and_states_must_match() -> None:
     raises(errors.InputError, "`body` must be a RigidBody", lambda: run(body=3))
+    raises(errors.InputError, "found the class Gravity", lambda: run(forces=forces.Gravity))
+    raises(errors.InputError, "found a tuple of length 3", lambda: run(forces=lambda *_: (0.0, 0.0, 1.0)))
     tree = multibody.two_link_arm()
     raises(errors.InputError, "integrated by `multibody.integrate_tree`", lambda: run(body=tree))
     raises(errors.InputError, "did you mean `rk4`?", lambda: run(method="RK4"))
