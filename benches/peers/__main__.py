@@ -14,13 +14,14 @@ import batch
 import box
 import components
 import contact
+import expressions
 import ftla
 import long_run
 import multibody
 import swing_up
 from measure import machine
 
-COMPARISONS = (box, long_run, contact, batch, multibody, arm, ftla, swing_up, components)
+COMPARISONS = (box, long_run, contact, batch, multibody, expressions, arm, ftla, swing_up, components)
 
 
 def main() -> None:

@@ -28,6 +28,7 @@ __all__ = [
     "SensitivityError",
     "SomersaultError",
     "SweepError",
+    "TraceError",
     "WriteError",
 ]
 
@@ -100,6 +101,13 @@ class ExportError(SomersaultError):
 
 class SweepError(SomersaultError):
     """A sweep could not continue: its directory is in use, or its cluster went away."""
+
+
+class TraceError(InputError):
+    """A function cannot be traced: it does something that symbols cannot take part in.
+
+    The message has the line of it, and what to write instead.
+    """
 
 
 class ReadWarning(UserWarning):

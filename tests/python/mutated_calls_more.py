@@ -430,6 +430,23 @@ motion.read_judged("judged/judged.csv", longest_gap=0.1)
 judged.performances()
 
 
+# Traced functions
+ExpressionGraph = somersault._somersault.expr.ExpressionGraph
+CompiledFunction = somersault._somersault.expr.CompiledFunction
+graph = ExpressionGraph()
+angle, rate = graph.input(), graph.input()
+product = graph.apply("multiply", [graph.apply("sin", [angle]), graph.constant(2.0)])
+graph.value(product)
+compiled = CompiledFunction(graph, [("angle", []), ("rate", [1])], [product, rate])
+compiled.insert_into(graph, [rate, angle])
+compiled.values([0.1, 0.2])
+compiled.jacobian([[0.1, 0.2], [0.3, 0.4]])
+compiled.hessian([0.1, 0.2, 1.0, 1.0])
+compiled.jacobian_pattern()
+compiled.hessian_pattern()
+compiled.derivative("angle")
+
+
 # Sweeps, files, pages
 def square(x):
     return x * x

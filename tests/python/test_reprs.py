@@ -173,6 +173,7 @@ def invert(x: float) -> float:
 MADE: dict[str, Callable[[], Any]] = {
     # bodies and their motions
     "RigidBody": lambda: BODY,
+    "Function": lambda: somersault.expr.Function(lambda x, u: x * u, x=(7, 3), u=()),
     "State": lambda: STATE,
     "Solution": run,
     "Trajectory": lambda: run().sol(TIMES * 0.1),

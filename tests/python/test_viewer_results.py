@@ -204,6 +204,7 @@ WITHOUT = {
     "Failure",
     "Following",
     "Force",
+    "Function",
     "ForceModel",
     "Geometry",
     "Gravitation",

@@ -12,6 +12,7 @@
 
 mod contact;
 mod core;
+mod expr;
 mod ftla;
 mod integrators;
 mod motion;
@@ -27,6 +28,8 @@ mod _somersault {
 
     #[pymodule_export]
     use crate::contact::module as contact;
+    #[pymodule_export]
+    use crate::expr::module as expr;
     #[pymodule_export]
     use crate::ftla::module as ftla;
     #[pymodule_export]
