@@ -397,7 +397,7 @@ comparison = motion.GroupComparison({"a": [fitted], "b": [fitted]}, "marker_erro
 comparison.series("a")
 comparison.bands()
 motion.normalize_frames(stamps, np.zeros(20), 10)
-motion.turns_about(spatial.model, still)
+motion.somersaults(spatial.model, still)
 performances = [
     motion.Performance(
         stamps,
