@@ -39,7 +39,10 @@ def line_of_user() -> str:
 
 def refusal(message: str) -> TraceError:
     """What is raised where a function cannot be traced, with the line of it."""
-    return TraceError(f"{line_of_user()}: {message}")
+    place = line_of_user()
+    error = TraceError(f"{place}: {message}")
+    error.place, error.reason = place, message
+    return error
 
 
 _NO_VALUE = (
@@ -130,11 +133,28 @@ class SymbolArray(np.ndarray):
             return bool(self.reshape(-1)[0])
         raise refusal(_NO_TRUTH)
 
+    def __getitem__(self, key: Any) -> Any:
+        _check_index(key)
+        return super().__getitem__(key)
+
+    def __setitem__(self, key: Any, value: Any) -> None:
+        _check_index(key)
+        super().__setitem__(key, value)
+
     def astype(self, dtype: Any, *_: Any, **__: Any) -> Any:
         """The array itself for dtypes that hold numbers as they are."""
         if np.dtype(dtype) in (np.dtype(float), np.dtype(object)):
             return self
         raise refusal(f"symbols are float64 and cannot become {np.dtype(dtype)}")
+
+
+def _check_index(key: Any) -> None:
+    """Refuses symbols as indices, conditions among them."""
+    for part in key if isinstance(key, tuple) else (key,):
+        if isinstance(part, Symbol) or (isinstance(part, np.ndarray) and part.dtype == object):
+            raise refusal(
+                "symbols cannot be indices; write np.where(condition, a, b) to choose by a condition"
+            )
 
 
 def named(array: SymbolArray, names: tuple[str, ...]) -> SymbolArray:
@@ -201,6 +221,11 @@ _FORMULAS: dict[str, Callable[..., Any]] = {
     "floor_divide": lambda x, y: np.floor(x / y),
     "remainder": lambda x, y: x - y * np.floor(x / y),
     "clip": lambda x, low, high: np.minimum(np.maximum(x, low), high),
+    "trunc": lambda x: np.where(x < 0, np.ceil(x), np.floor(x)),
+    "heaviside": lambda x, at_zero: np.where(x < 0, 0.0, np.where(x > 0, 1.0, at_zero)),
+    "logaddexp": lambda x, y: np.maximum(x, y) + np.log1p(np.exp(-np.abs(x - y))),
+    "logical_xor": lambda x, y: np.not_equal(np.logical_not(x), np.logical_not(y)),
+    "isnan": lambda x: np.not_equal(x, x),
 }
 
 
@@ -212,6 +237,9 @@ def _scalar(ufunc: np.ufunc, values: Sequence[Any]) -> Any:
     name = _RENAMED.get(ufunc.__name__, ufunc.__name__)
     if name in _FORMULAS:
         return _FORMULAS[name](*values)
+    if all(set(types) <= set("O->") for types in ufunc.types):
+        # a function of Python's, as np.vectorize makes them
+        return ufunc(*(objects(value) for value in values))
     if name not in _DIRECT:
         raise refusal(f"np.{ufunc.__name__} cannot be traced: it has no derivative here")
     return Symbol(graph, graph.apply(name, [expression(graph, value) for value in values]))
@@ -308,6 +336,25 @@ def _where(condition: Any, *branches: Any) -> Any:
     return wrapped(found)
 
 
+def _select(conditions: Sequence[Any], choices: Sequence[Any], default: Any = 0) -> Any:
+    found = default
+    for condition, choice in zip(reversed(conditions), reversed(choices), strict=True):
+        found = _where(condition, choice, found)
+    return found
+
+
+def _determinant(a: Any) -> Any:
+    """Along the first row."""
+    matrix = objects(a)
+    n = len(matrix)
+    if matrix.shape != (n, n) or n > 4:
+        raise refusal(f"np.linalg.det of symbols has matrices to 4 × 4, found shape {matrix.shape}")
+    if n == 0:
+        return 1.0
+    minors = (_determinant(np.delete(matrix[1:], k, axis=1)) for k in range(n))
+    return sum((-1) ** k * matrix[0, k] * minor for k, minor in enumerate(minors))
+
+
 def _norm(x: Any, ord: Any = None, axis: Any = None, keepdims: bool = False) -> Any:
     array = wrapped(objects(x))
     flat = array.reshape(-1) if axis is None else array
@@ -353,7 +400,9 @@ def _solve(a: Any, b: Any) -> Any:
 
 _FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.where: _where,
+    np.select: _select,
     np.linalg.norm: _norm,
+    np.linalg.det: _determinant,
     np.linalg.solve: _solve,
     np.linalg.inv: lambda a: _solve(a, np.eye(len(a))),
     np.clip: _clip,
@@ -384,8 +433,9 @@ def _function(function: Any, arguments: Sequence[Any], options: dict[str, Any]) 
         inner = {key: _as_array(option) for key, option in options.items()}
         token = objects(0.0).view(SymbolArray)
         found = np.ndarray.__array_function__(token, function, (SymbolArray,), own, inner)
-    except TraceError:
-        raise
+    except TraceError as error:
+        known = name in error.reason
+        raise error if known else refusal(f"{name} cannot be traced: {error.reason}") from None
     except (TypeError, ValueError, AttributeError, NotImplementedError) as error:
         raise refusal(f"{name} cannot be traced: {error}") from error
     if isinstance(found, list | tuple):

@@ -109,6 +109,11 @@ class TraceError(InputError):
     The message has the line of it, and what to write instead.
     """
 
+    #: The file, the number of the line and its text.
+    place: str = ""
+    #: What the line does, and what to write instead.
+    reason: str = ""
+
 
 class ReadWarning(UserWarning):
     """A file contradicts itself and was read: the message has what is declared and what was used."""

@@ -74,7 +74,7 @@ class Function:
     >>> from somersault import expr
     >>> f = expr.Function(lambda x, m: m * x @ x / 2, x=3, m=())
     >>> f
-    <Function: x (3,), m () → (), 6 instructions>
+    <Function: x (3,), m () → (), 9 instructions>
     >>> f([1.0, 2.0, 3.0], 2.0)
     14.0
     >>> f(np.ones((5, 3)), np.arange(5.0))
@@ -287,6 +287,8 @@ class Function:
 
     def _bound(self, arguments: Sequence[Any], named_arguments: Mapping[str, Any]) -> dict[str, Any]:
         names = list(self._shapes)
+        if len(arguments) == len(names) and not named_arguments:
+            return dict(zip(names, arguments, strict=True))
         given = dict(zip(names, arguments, strict=False))
         unknown = [name for name in named_arguments if name not in self._shapes]
         twice = [name for name in named_arguments if name in given]
@@ -315,13 +317,13 @@ class Function:
                 raise InputError(f"`{name or 'multipliers'}` must have shape {expected}, found {array.shape}")
             arrays.append(array.reshape((*front, math.prod(shape))))
             fronts.append(front)
+        if not any(fronts):
+            return np.concatenate([array.reshape(-1) for array in arrays]) if arrays else np.zeros(0)
         try:
             front = np.broadcast_shapes(*fronts)
         except ValueError:
             found = ", ".join(map(str, fronts))
             raise InputError(f"axes of a batch must broadcast against each other, found {found}") from None
-        if not front:
-            return np.concatenate([array.reshape(-1) for array in arrays]) if arrays else np.zeros(0)
         size = sum(array.shape[-1] for array in arrays)
         _check_room("the numbers of the batch", (*front, size))
         packed = np.empty((*front, size))

@@ -69,6 +69,16 @@ TRACED: dict[str, Callable[[Any, Any], Any]] = {
     "zeros_like": lambda x, u: np.zeros_like(x) + x + np.ones_like(x),
     "constant": lambda x, u: 2.0,
     "sinc by hand": lambda x, u: np.where(x == 0, 1.0, np.sin(x) / np.where(x == 0, 1.0, x)),
+    "select": lambda x, u: np.select([x > u, x > 0.5], [x, 2 * x], default=-1.0),
+    "determinant": lambda x, u: np.linalg.det(np.outer(x, x) + A) + np.linalg.det(A[:2, :2] * u),
+    "rare": lambda x, u: np.heaviside(x - u, 0.5) + np.trunc(2 * x - 3) + np.logaddexp(x, u) + np.sinc(x),
+    "truth": lambda x, u: np.where(np.logical_xor(x > u, x > 0.5), x, np.where(np.isnan(x), 0.0, 2 * x)),
+    "spread": lambda x, u: np.var(x) + np.std(x) + np.ptp(x) + np.average(x, weights=[1, 2, 3]),
+    "vectorized": lambda x, u: np.vectorize(lambda t: t * np.sin(t))(x),
+    "blocks": lambda x, u: np.block([[np.outer(x, x)], [x]]) + np.tile(x, (4, 1)) * np.triu(np.ones((4, 3))),
+    "products of matrices": lambda x, u: (
+        np.linalg.matrix_power(A * u, 2) @ np.kron(x, [1.0]) + np.tensordot(A, x, 1)
+    ),
     "numpy numbers": lambda x, u: np.float64(2.0) * x + np.float64(1.0) / u - np.pi,
 }
 
@@ -186,15 +196,17 @@ REFUSED: dict[str, tuple[Callable[[Any], Any], str]] = {
     "branch": (lambda x: x[0] if x[0] > 0 else -x[0], r"np\.where"),
     "array branch": (lambda x: 1.0 if (x > 0).all() else 0.0, r"np\.where"),
     "max": (lambda x: max(x[0], 1.0), r"np\.maximum"),
-    "sort": (lambda x: np.sort(x), r"np\.where"),
+    "sort": (lambda x: np.sort(x), r"np\.sort cannot be traced: .*np\.where"),
     "math": (lambda x: math.sin(x[0]), r"np\.sin"),
     "float": (lambda x: float(x[0]), r"np\.sin"),
     "assignment": (lambda x: np.zeros(2).__setitem__(0, x[0]), r"np\.array"),
     "in place": (lambda x: np.zeros(2).__iadd__(x), "write a = a"),
+    "table": (lambda x: np.interp(x, [0.0, 1.0], [0.0, 2.0]), r"np\.interp cannot be traced"),
     "spacing": (lambda x: np.spacing(x), r"np\.spacing cannot be traced"),
     "eigenvalues": (lambda x: np.linalg.eigvals(np.outer(x, x)), r"np\.linalg\.eigvals cannot be traced"),
     "complex": (lambda x: x * 1j, "real number"),
     "index": (lambda x: [1.0, 2.0][x[0]], r"np\.sin"),
+    "mask": (lambda x: x[x > 0], "symbols cannot be indices"),
     "attribute": (lambda x: x.velocity, "no attribute 'velocity'"),
     "round": (lambda x: round(x[0]), "rounding has no derivative"),
 }

@@ -143,22 +143,12 @@ impl Graph {
         self.check(of)?;
         self.check_inputs(with)?;
         let dependence = Dependence::new(self, of, with);
-        let mut reached = Reached::default();
-        let (mut forward, mut back) = (0_usize, 0_usize);
-        for place in with.iter().filter_map(|&x| dependence.place(x)) {
-            dependence.descendants(place, &mut reached);
-            forward = forward.saturating_add(reached.places.len());
-        }
-        for place in of.iter().filter_map(|&x| dependence.place(x)) {
-            dependence.origins(self, place, &mut reached);
-            back = back.saturating_add(reached.places.len());
-        }
-        // nodes that are visited tell instructions to a factor of about two; both ways share much or little
         let mut ways = Vec::new();
-        if forward <= back.saturating_mul(WORTH_A_TRIAL) {
+        let (by_columns, by_rows) = self.worth_a_trial(&dependence, of, with);
+        if by_columns {
             ways.push(self.by_columns(&dependence, of, with));
         }
-        if back <= forward.saturating_mul(WORTH_A_TRIAL) {
+        if by_rows {
             ways.push(self.by_rows(&dependence, of, with));
         }
         let best = ways
@@ -169,6 +159,38 @@ impl Graph {
                 ancestors(self, &values).len()
             });
         Ok(compressed(of.len(), with.len(), best.unwrap_or_default()))
+    }
+
+    /// Whether sweeps by columns and by rows may be those that take fewer instructions. Nodes that are visited tell instructions
+    /// to a factor of about two; of the way that visits more, no more is counted than is needed to know.
+    fn worth_a_trial(&self, dependence: &Dependence, of: &[Expression], with: &[Expression]) -> (bool, bool) {
+        let mut reached = Reached::default();
+        let mut columns = with.iter().filter_map(|&x| dependence.place(x));
+        let mut rows = of.iter().filter_map(|&x| dependence.place(x));
+        let (mut forward, mut back) = (0_usize, 0_usize);
+        loop {
+            if forward <= back {
+                let Some(place) = columns.next() else { break };
+                dependence.descendants(place, &mut reached);
+                forward = forward.saturating_add(reached.places.len());
+            } else {
+                let Some(place) = rows.next() else { break };
+                dependence.origins(self, place, &mut reached);
+                back = back.saturating_add(reached.places.len());
+            }
+        }
+        // one way is counted to its end
+        while back <= forward.saturating_mul(WORTH_A_TRIAL) {
+            let Some(place) = rows.next() else { break };
+            dependence.origins(self, place, &mut reached);
+            back = back.saturating_add(reached.places.len());
+        }
+        while forward <= back.saturating_mul(WORTH_A_TRIAL) {
+            let Some(place) = columns.next() else { break };
+            dependence.descendants(place, &mut reached);
+            forward = forward.saturating_add(reached.places.len());
+        }
+        (forward <= back.saturating_mul(WORTH_A_TRIAL), back <= forward.saturating_mul(WORTH_A_TRIAL))
     }
 
     fn by_columns(&mut self, dependence: &Dependence, of: &[Expression], with: &[Expression]) -> Vec<Entry> {

@@ -162,12 +162,20 @@ impl Graph {
 
     /// `x` where `condition` is not 0, otherwise `y`.
     pub fn select(&mut self, condition: Expression, x: Expression, y: Expression) -> Expression {
-        match self.as_constant(condition) {
-            _ if x == y => x,
-            Some(c) if c != 0.0 => x,
-            Some(_) => y,
-            None => self.made(Operation::Select, [condition, x, y]),
+        if x == y {
+            return x;
         }
+        if let Some(c) = self.as_constant(condition) {
+            return if c != 0.0 { x } else { y };
+        }
+        // a branch within a branch that are otherwise the same
+        if let Some((Operation::Select, &[inner, first, second])) = self.as_operation(x)
+            && second == y
+        {
+            let both = self.and(condition, inner);
+            return self.select(both, first, y);
+        }
+        self.made(Operation::Select, [condition, x, y])
     }
 
     /// The operation with these arguments, as many as it takes.
@@ -380,26 +388,20 @@ impl Graph {
 
     /// 0 where the condition holds, otherwise 1.
     pub(crate) fn unless(&mut self, condition: Expression) -> Expression {
-        let (one, zero) = (self.constant(1.0), self.constant(0.0));
-        self.select(condition, zero, one)
+        let otherwise = self.not(condition);
+        self.when(otherwise)
     }
 
     /// The product of a seed and a derivative, by which derivatives are made. Where either is zero because a branch is not
     /// taken, so is the product, even if the other is infinite.
     pub(crate) fn scale(&mut self, seed: Expression, derivative: Expression) -> Expression {
         for (branches, other) in [(seed, derivative), (derivative, seed)] {
-            let Some(&Node::Operation(Operation::Select, [condition, x, y])) =
-                self.nodes.get(branches.index())
-            else {
-                continue;
-            };
-            if self.as_constant(y) == Some(0.0) {
+            if let Some((Operation::Select, &[condition, x, y])) = self.as_operation(branches)
+                && self.as_constant(y) == Some(0.0)
+            {
+                // no deeper than both: select joins a branch within a branch
                 let product = self.scale(x, other);
                 return self.select(condition, product, y);
-            }
-            if self.as_constant(x) == Some(0.0) {
-                let product = self.scale(y, other);
-                return self.select(condition, x, product);
             }
         }
         self.multiply(seed, derivative)

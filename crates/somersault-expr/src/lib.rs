@@ -27,6 +27,10 @@
 //!
 //! References: A. Griewank & A. Walther, Evaluating Derivatives (2008). J. Andersson et al., Math. Program. Comput. 11 (2019) 1–36.
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::unreachable, clippy::todo)
+)]
 
 mod dependence;
 mod derivative;

@@ -136,6 +136,28 @@ fn sparse_patterns_have_no_entry_too_many_for_separable_functions() {
 }
 
 #[test]
+fn a_long_sum_has_its_derivatives_in_time_and_memory_that_grow_with_its_length() {
+    // by columns the first of these would visit 10⁹ nodes, by rows the second
+    let n = 50_000;
+    let sum = ExprFunction::trace(vec![Block::new("x", [n])], |v| {
+        vec![v[0].iter().fold(v[0][0].constant(0.0), |sum, &x| sum + x * x)]
+    })
+    .unwrap();
+    assert_eq!(sum.jacobian().unwrap().sparsity().rows.len(), n);
+    assert_eq!(sum.hessian().unwrap().sparsity().rows.len(), n);
+    let sums = ExprFunction::trace(vec![Block::new("x", [])], |v| {
+        let mut x = v[0][0];
+        let mut next = || {
+            x = x.sin();
+            x
+        };
+        (0..n).map(|_| next()).collect()
+    })
+    .unwrap();
+    assert_eq!(sums.jacobian().unwrap().sparsity().rows.len(), n);
+}
+
+#[test]
 fn what_is_wrong_is_named() {
     let f = cart_pendulum();
     let length = |argument, expected, found| ArgumentError::Length { argument, expected, found };

@@ -148,6 +148,22 @@ fn a_branch_that_is_not_taken_has_no_derivative() {
 }
 
 #[test]
+fn branches_within_branches_cost_one_condition_each() {
+    // 2000 nested roots, each within the branch of the one before
+    let mut g = Graph::new();
+    let x = g.input();
+    let (zero, mut y) = (g.constant(0.0), x);
+    for _ in 0..2000 {
+        let (positive, root) = (g.less(zero, y), g.sqrt(y));
+        y = g.select(positive, root, zero);
+    }
+    let before = g.len();
+    let slope = g.gradient(y, &[x]).unwrap()[0];
+    assert!(g.len() - before < 8 * 2000, "{}", g.len() - before);
+    assert_eq!(g.interpret(&[y, slope], &[0.0]).unwrap(), [0.0, 0.0]);
+}
+
+#[test]
 fn simplifications_keep_values() {
     let mut graph = Graph::new();
     let (x, y) = (graph.input(), graph.input());
