@@ -54,6 +54,7 @@
 
 mod best;
 mod error;
+mod filter;
 mod first_order;
 mod gradient_descent;
 mod hessian;
@@ -63,7 +64,9 @@ mod lbfgs;
 mod multi_start;
 mod nlp;
 mod program;
+mod quadratic;
 mod report;
+mod saddle;
 mod solver;
 mod sqp;
 mod subproblem;
@@ -71,6 +74,7 @@ mod subproblem;
 pub use error::SolverError;
 pub use first_order::Limits;
 pub use gradient_descent::GradientDescent;
+pub use interior_point::InteriorPoint;
 pub use lbfgs::Lbfgs;
 pub use multi_start::{
     Failure, FailureCause, Minimum, MultiStart, MultiStartReport, latin_hypercube, samples,

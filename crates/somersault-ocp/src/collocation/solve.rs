@@ -149,7 +149,7 @@ impl<S: NlpSolver> Collocation<S> {
                 None => transcription.decision_of_guess().into(),
                 Some((phases, rest)) => {
                     let (z, constraint_multipliers) = transcription.continued(phases, rest);
-                    Start { z, constraint_multipliers, hessian: None }
+                    Start { z, constraint_multipliers, ..Start::default() }
                 }
             };
             let program = self.solver.solve(&mut transcription, &start, on_iteration)?;
