@@ -186,7 +186,7 @@ impl<S: NlpSolver> Collocation<S> {
                 (None, Some(guesses)) => transcription.start(guesses).into(),
                 (Some((phases, rest)), _) => {
                     let (z, constraint_multipliers) = transcription.continued(phases, rest);
-                    Start { z, constraint_multipliers, hessian: None }
+                    Start { z, constraint_multipliers, ..Start::default() }
                 }
             };
             let program = self.solver.solve(&mut transcription, &start, on_iteration)?;
