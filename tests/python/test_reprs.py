@@ -222,6 +222,7 @@ MADE: dict[str, Callable[[], Any]] = {
     "CartPendulumProblem": ocp.CartPendulumProblem,
     "CollocationProblem": block,
     "CollocationResult": moved,
+    "ControlProblem": lambda: ocp.ControlProblem(lambda x, u: u, states=1, controls=1, final=[1]),
     "Constraint": lambda: ocp.Constraint(
         ocp.entries("torque"), [-1 / 3] * 90, [1 / 3] * 90, at="node", node=3
     ),

@@ -188,6 +188,7 @@ WITHOUT = {
     "Chain",
     "CompliantLaw",
     "Constraint",
+    "ControlProblem",
     "Contact",
     "Convergence",
     "Correlation",

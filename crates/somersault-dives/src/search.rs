@@ -110,7 +110,11 @@ impl DiveSearch {
             while let Some(start) = self.with_breaches(&mut [&mut model, &mut program], &found)? {
                 found = self.constrained(&mut model, start, &mut watch)?;
             }
-            start = Start { z: found.z, constraint_multipliers: found.constraint_multipliers, hessian: None };
+            start = Start {
+                z: found.z,
+                constraint_multipliers: found.constraint_multipliers,
+                ..Start::default()
+            };
             if !matches!(found.status, Status::Converged | Status::Stalled) {
                 solver.max_iterations = 0;
                 given_up = Some(found.status);
@@ -227,5 +231,5 @@ fn following(stage: &mut DiveProgram, report: Report) -> Start {
     for (y, soft) in constraint_multipliers.iter_mut().zip(stage.soft_multipliers()) {
         *y += soft;
     }
-    Start { z, constraint_multipliers, hessian: None }
+    Start { z, constraint_multipliers, ..Start::default() }
 }

@@ -2,7 +2,7 @@
 
 use crate::error::SolverError;
 use crate::nlp::EvaluationError;
-use crate::program::{OutOfTime, Point};
+use crate::program::{Exhausted, Point};
 use crate::report::{Counts, KktResiduals, Report, Status};
 use std::error::Error;
 
@@ -23,7 +23,11 @@ impl Outcome {
 
     /// For an evaluation that failed, or came too late.
     pub(crate) fn of_failure(source: Box<dyn Error + Send + Sync>) -> Self {
-        if source.is::<OutOfTime>() { Self::Ended(Status::TimeLimit) } else { Self::Failed(source) }
+        match source.downcast_ref::<Exhausted>() {
+            Some(Exhausted::Time) => Self::Ended(Status::TimeLimit),
+            Some(Exhausted::Evaluations) => Self::Ended(Status::EvaluationLimit),
+            None => Self::Failed(source),
+        }
     }
 }
 

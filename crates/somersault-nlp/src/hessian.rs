@@ -90,15 +90,16 @@ impl Hessian {
         }
     }
 
-    /// Asks the program, if it offers a Hessian. Where that has no value the last one stays.
+    /// Asks the program, if it offers a Hessian, for that of σ f + yᵀ c. Where that has no value the last one stays.
     pub(crate) fn refresh(
         &mut self,
         program: &mut Program<'_>,
         z: &[f64],
+        cost_factor: f64,
         y: &[f64],
     ) -> Result<(), EvaluationError> {
         let Kind::Offered { at, values } = &mut self.kind else { return Ok(()) };
-        program.hessian(z, y, values)?;
+        program.hessian(z, cost_factor, y, values)?;
         self.values.fill(0.0);
         for (&k, &value) in at.iter().zip(values.iter()) {
             self.values[k] += value;

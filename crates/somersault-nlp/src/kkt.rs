@@ -18,8 +18,7 @@
 use crate::error::SolverError;
 use crate::nlp::Pattern;
 use crate::program::max_norm;
-use clarabel::algebra::CscMatrix;
-use clarabel::qdldl::{QDLDLFactorisation, QDLDLSettings};
+use crate::saddle::Saddle;
 use nalgebra::DMatrix;
 
 /// What a row of the working set is held at.
@@ -57,12 +56,7 @@ pub(crate) struct Kkt {
     m: usize,
     hessian_pattern: Pattern,
     jacobian_pattern: Pattern,
-    factors: QDLDLFactorisation<f64>,
-    entries: Vec<usize>,
-    values: Vec<f64>,
-    hessian_at: Vec<usize>,
-    jacobian_at: Vec<usize>,
-    diagonal_at: Vec<usize>,
+    saddle: Saddle,
     hessian: Vec<f64>,
     no_hessian: Vec<f64>,
     jacobian: Vec<f64>,
@@ -75,7 +69,6 @@ pub(crate) struct Kkt {
     /// Where a solve started.
     start: Vec<f64>,
     krylov: Krylov,
-    pub(crate) count: usize,
 }
 
 /// Room for a cycle of GMRES: basis, what the preconditioner makes of it, and the triangular factor of the Hessenberg matrix.
@@ -111,25 +104,10 @@ impl Kkt {
     /// For a Hessian and a Jacobian of these patterns.
     pub(crate) fn try_new(hessian: &Pattern, jacobian: &Pattern) -> Result<Self, SolverError> {
         let (n, m) = (jacobian.n_columns(), jacobian.n_rows);
-        let diagonal = (0..n + m).map(|i| (i, i)).collect();
-        let upper_left = hessian.entries().map(|(_, i, j)| (i, j)).collect();
-        let upper_right = jacobian.entries().map(|(_, i, j)| (j, n + i)).collect();
-        let (pattern, [diagonal_at, hessian_at, jacobian_at]) =
-            Pattern::with_places_of(n + m, n + m, [diagonal, upper_left, upper_right]);
-        let n_entries = pattern.n_entries();
-        let settings = QDLDLSettings { logical: true, regularize_enable: false, ..QDLDLSettings::default() };
-        let matrix = CscMatrix::new(n + m, n + m, pattern.columns, pattern.rows, vec![1.0; n_entries]);
         Ok(Self {
             n,
             m,
-            factors: QDLDLFactorisation::new(&matrix, Some(settings)).map_err(|error| {
-                SolverError::Factorisation { n_variables: n, n_constraints: m, reason: error.to_string() }
-            })?,
-            entries: (0..n_entries).collect(),
-            values: vec![0.0; n_entries],
-            hessian_at,
-            jacobian_at,
-            diagonal_at,
+            saddle: Saddle::try_new(hessian, jacobian)?,
             hessian: vec![0.0; hessian.n_entries()],
             no_hessian: vec![0.0; hessian.n_entries()],
             jacobian: vec![0.0; jacobian.n_entries()],
@@ -142,8 +120,12 @@ impl Kkt {
             residual: vec![0.0; n + m],
             start: vec![0.0; n + m],
             krylov: Krylov::new(n + m),
-            count: 0,
         })
+    }
+
+    /// Factorisations so far.
+    pub(crate) fn n_factorisations(&self) -> usize {
+        self.saddle.count
     }
 
     /// Whether H + σ 1 is positive definite on the null space of the working set, by a margin that a solve can
@@ -172,7 +154,7 @@ impl Kkt {
         if self.n == 0 {
             return false;
         }
-        self.count += 1;
+        self.saddle.count += 1;
         self.hessian.copy_from_slice(hessian);
         self.jacobian.copy_from_slice(jacobian);
         self.active.copy_from_slice(active);
@@ -181,44 +163,42 @@ impl Kkt {
         let free = |i: usize| active[i] == Activity::Free;
         let size = (max_norm(hessian) + shift).max(f64::MIN_POSITIVE);
 
-        self.values.fill(0.0);
+        self.saddle.values.fill(0.0);
         self.row_norms.fill(0.0);
         for (k, i, j) in self.hessian_pattern.entries() {
             if free(i) && free(j) {
-                self.values[self.hessian_at[k]] += hessian[k];
+                self.saddle.values[self.saddle.hessian_at[k]] += hessian[k];
             }
         }
         for (k, i, j) in self.jacobian_pattern.entries() {
             if !free(n + i) && free(j) {
-                self.values[self.jacobian_at[k]] = jacobian[k];
+                self.saddle.values[self.saddle.jacobian_at[k]] = jacobian[k];
                 self.row_norms[i] = self.row_norms[i].max(jacobian[k].abs());
             }
         }
         for i in 0..n {
-            self.values[self.diagonal_at[i]] += if free(i) { shift } else { 1.0 };
+            self.saddle.values[self.saddle.diagonal_at[i]] += if free(i) { shift } else { 1.0 };
         }
         for i in 0..self.m {
             let norm = self.row_norms[i];
-            self.values[self.diagonal_at[n + i]] = if norm > 0.0 && self.compliance == 0.0 {
+            self.saddle.values[self.saddle.diagonal_at[n + i]] = if norm > 0.0 && self.compliance == 0.0 {
                 -DUAL_REGULARISATION * norm * norm / size
             } else {
                 -1.0
             };
         }
-        self.factors.update_values(&self.entries, &self.values);
-        if self.factors.refactor().is_err() {
+        if !self.saddle.factor() {
             for i in (0..n).filter(|&i| free(i)) {
-                self.values[self.diagonal_at[i]] += PRIMAL_REGULARISATION * size;
+                self.saddle.values[self.saddle.diagonal_at[i]] += PRIMAL_REGULARISATION * size;
             }
-            self.factors.update_values(&self.entries, &self.values);
-            if self.factors.refactor().is_err() {
+            if !self.saddle.factor() {
                 return false;
             }
         }
-        if self.factors.positive_inertia() != n {
+        if self.saddle.n_positive() != n {
             return false;
         }
-        let smallest = self.factors.D.iter().fold(f64::INFINITY, |s, &d| if d > 0.0 { s.min(d) } else { s });
+        let smallest = self.saddle.smallest_positive();
         smallest.is_finite() && smallest > SMALLEST_PIVOT * size.min(1.0)
     }
 
@@ -280,7 +260,7 @@ impl Kkt {
 
     /// Plain refinement: adds what the factors make of the residual.
     fn refine(&mut self, p: &mut [f64], y: &mut [f64]) {
-        self.factors.solve(&mut self.residual);
+        self.saddle.solve(&mut self.residual);
         add_scaled(p, 1.0, &self.residual[..self.n]);
         add_scaled(y, 1.0, &self.residual[self.n..]);
     }
@@ -297,7 +277,7 @@ impl Kkt {
         let mut steps = 0;
         for k in 0..KRYLOV {
             directions[k].copy_from_slice(&basis[k]);
-            self.factors.solve(&mut directions[k]);
+            self.saddle.solve(&mut directions[k]);
             if !directions[k].iter().all(|x| x.is_finite()) {
                 break;
             }

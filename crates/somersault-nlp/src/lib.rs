@@ -58,6 +58,7 @@
 
 mod best;
 mod error;
+mod filter;
 mod first_order;
 mod gradient_descent;
 mod hessian;
@@ -67,7 +68,9 @@ mod lbfgs;
 mod multi_start;
 mod nlp;
 mod program;
+mod quadratic;
 mod report;
+mod saddle;
 mod solver;
 mod sqp;
 mod subproblem;
@@ -75,6 +78,7 @@ mod subproblem;
 pub use error::SolverError;
 pub use first_order::Limits;
 pub use gradient_descent::GradientDescent;
+pub use interior_point::InteriorPoint;
 pub use lbfgs::Lbfgs;
 pub use multi_start::{
     Failure, FailureCause, Minimum, MultiStart, MultiStartReport, latin_hypercube, samples,

@@ -12,12 +12,18 @@ pub(crate) struct Program<'a> {
     pub(crate) counts: Counts,
     /// After which there is no more evaluation.
     pub(crate) deadline: Option<Instant>,
+    /// Evaluations of cost and constraints after which there is no more.
+    pub(crate) max_evaluations: Option<usize>,
 }
 
-/// Why a program is not evaluated after its deadline.
-#[derive(Debug, thiserror::Error)]
-#[error("the limit of time was reached")]
-pub(crate) struct OutOfTime;
+/// Why a program is not evaluated any more.
+#[derive(Debug, Clone, Copy, thiserror::Error)]
+pub(crate) enum Exhausted {
+    #[error("the limit of time was reached")]
+    Time,
+    #[error("the limit of evaluations was reached")]
+    Evaluations,
+}
 
 /// Values at one z.
 #[derive(Debug, Clone, Default)]
@@ -38,7 +44,7 @@ impl<'a> Program<'a> {
         check_bounds("constraints", &structure.constraints)?;
         check_pattern("jacobian", &structure.jacobian, m, n, false)?;
         check_pattern("hessian", &structure.hessian, n, n, true)?;
-        Ok(Self { nlp, structure, counts: Counts::default(), deadline: None })
+        Ok(Self { nlp, structure, counts: Counts::default(), deadline: None, max_evaluations: None })
     }
 
     pub(crate) fn n_variables(&self) -> usize {
@@ -81,7 +87,9 @@ impl<'a> Program<'a> {
 
     fn expect_in_time(&self) -> Result<(), EvaluationError> {
         match self.deadline {
-            Some(deadline) if Instant::now() >= deadline => Err(EvaluationError::Failed(Box::new(OutOfTime))),
+            Some(deadline) if Instant::now() >= deadline => {
+                Err(EvaluationError::Failed(Box::new(Exhausted::Time)))
+            }
             Some(_) | None => Ok(()),
         }
     }
@@ -89,6 +97,9 @@ impl<'a> Program<'a> {
     /// Cost and constraints at `point.z`.
     pub(crate) fn evaluate(&mut self, point: &mut Point) -> Result<(), EvaluationError> {
         self.expect_in_time()?;
+        if self.max_evaluations.is_some_and(|limit| self.counts.evaluations >= limit) {
+            return Err(EvaluationError::Failed(Box::new(Exhausted::Evaluations)));
+        }
         self.counts.evaluations += 1;
         point.cost = self.nlp.evaluate(&point.z, &mut point.constraints)?;
         finite("the cost", std::slice::from_ref(&point.cost))?;
@@ -104,11 +115,17 @@ impl<'a> Program<'a> {
         finite("the Jacobian of the constraints", &point.jacobian)
     }
 
-    /// Hessian of f + yᵀ c at z, which has just been differentiated.
-    pub(crate) fn hessian(&mut self, z: &[f64], y: &[f64], out: &mut [f64]) -> Result<(), EvaluationError> {
+    /// Hessian of σ f + yᵀ c at z, which has just been differentiated.
+    pub(crate) fn hessian(
+        &mut self,
+        z: &[f64],
+        cost_factor: f64,
+        y: &[f64],
+        out: &mut [f64],
+    ) -> Result<(), EvaluationError> {
         self.expect_in_time()?;
         self.counts.hessians += 1;
-        self.nlp.hessian(z, 1.0, y, out)?;
+        self.nlp.hessian(z, cost_factor, y, out)?;
         finite("the Hessian of the Lagrangian", out)
     }
 
@@ -126,6 +143,45 @@ impl<'a> Program<'a> {
         let violation =
             |i: usize| (bounds.lower[i] - constraints[i]).max(constraints[i] - bounds.upper[i]).max(0.0);
         (0..constraints.len()).map(|i| 0.5 * violation(i) * violation(i)).sum()
+    }
+
+    /// Residuals at a point with multipliers y and y_z, whatever made them. A multiplier whose bound is not there counts
+    /// as if that were at distance 1.
+    pub(crate) fn residuals_of(
+        &self,
+        point: &Point,
+        y: &[f64],
+        y_z: &[f64],
+        gradient_scale: f64,
+        slope: &mut [f64],
+    ) -> KktResiduals {
+        let Structure { variables, constraints, jacobian, .. } = &self.structure;
+        slope.copy_from_slice(&point.gradient);
+        jacobian.add_transposed_product(&point.jacobian, y, slope);
+        let mut residuals = KktResiduals::default();
+        for (slope, y_z) in slope.iter().zip(y_z) {
+            residuals.stationarity = residuals.stationarity.max((slope + y_z).abs());
+        }
+        let rows = [(variables, &point.z[..], y_z), (constraints, &point.constraints[..], y)];
+        for (bounds, values, multipliers) in rows {
+            for (i, (&value, &multiplier)) in values.iter().zip(multipliers).enumerate() {
+                let (lower, upper) = (bounds.lower[i], bounds.upper[i]);
+                residuals.feasibility = residuals
+                    .feasibility
+                    .max((lower - value) / lower.abs().max(1.0))
+                    .max((value - upper) / upper.abs().max(1.0));
+                if lower == upper || multiplier == 0.0 {
+                    continue;
+                }
+                let bound = if multiplier > 0.0 { upper } else { lower };
+                let distance = if bound.is_finite() { (value - bound).abs() } else { 1.0 };
+                residuals.complementarity = residuals.complementarity.max(multiplier.abs() * distance);
+            }
+        }
+        let scale = residual_scale(gradient_scale, y, y_z);
+        residuals.stationarity /= scale;
+        residuals.complementarity /= scale;
+        residuals
     }
 
     /// Residuals at a point with multipliers y; writes the multipliers of the bounds. `gradient_scale` is
@@ -166,13 +222,18 @@ impl<'a> Program<'a> {
             let distance = if bound.is_finite() { (c - bound).abs() } else { 1.0 };
             residuals.complementarity = residuals.complementarity.max(y.abs() * distance);
         }
-        let sum: f64 = y.iter().chain(bound_multipliers.iter()).map(|y| y.abs()).sum();
-        let mean = sum / (y.len() + bound_multipliers.len()).max(1) as f64;
-        let scale = gradient_scale.max(mean).max(100.0) / 100.0;
+        let scale = residual_scale(gradient_scale, y, bound_multipliers);
         residuals.stationarity /= scale;
         residuals.complementarity /= scale;
         residuals
     }
+}
+
+/// The s of [`KktResiduals`].
+fn residual_scale(gradient_scale: f64, y: &[f64], y_z: &[f64]) -> f64 {
+    let sum: f64 = y.iter().chain(y_z.iter()).map(|y| y.abs()).sum();
+    let mean = sum / (y.len() + y_z.len()).max(1) as f64;
+    gradient_scale.max(mean).max(100.0) / 100.0
 }
 
 /// Largest absolute value.

@@ -13,6 +13,8 @@ pub enum Status {
     Stalled,
     /// The limit of iterations came first.
     IterationLimit,
+    /// The limit of evaluations came first.
+    EvaluationLimit,
     /// The limit of time came first.
     TimeLimit,
     /// Violations of constraints are stationary: no small step reduces the sum of their squares. The program may
@@ -37,6 +39,7 @@ impl Status {
             Self::Converged => "converged: all residuals are within their tolerances",
             Self::Stalled => "no step makes further progress",
             Self::IterationLimit => "the limit of iterations was reached",
+            Self::EvaluationLimit => "the limit of evaluations was reached",
             Self::TimeLimit => "the limit of time was reached",
             Self::Infeasible => "locally infeasible: no small step reduces the violation of the constraints",
             Self::Unbounded => "the cost is unbounded below",
@@ -113,6 +116,8 @@ pub struct Start {
     pub z: Vec<f64>,
     /// One for each constraint, or none: then they are estimated.
     pub constraint_multipliers: Vec<f64>,
+    /// One for each variable, or none. With those of the constraints an interior-point method begins near its end.
+    pub bound_multipliers: Vec<f64>,
     /// Quasi-Newton approximation from the report of the same solver on a program of the same structure.
     pub hessian: Option<Vec<f64>>,
 }
@@ -160,6 +165,7 @@ impl Report {
         Start {
             z: self.z.clone(),
             constraint_multipliers: self.constraint_multipliers.clone(),
+            bound_multipliers: self.bound_multipliers.clone(),
             hessian: self.hessian.clone(),
         }
     }

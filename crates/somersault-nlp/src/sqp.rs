@@ -1,18 +1,17 @@
 //! Sequential quadratic programming.
 
-mod filter;
 mod line_search;
 mod restoration;
 
 use crate::best::{Best, Outcome};
 use crate::error::SolverError;
+use crate::filter::Filter;
 use crate::hessian::Hessian;
 use crate::nlp::{Curvature, EvaluationError, Nlp};
 use crate::program::{Point, Program, check_positive, max_norm};
 use crate::report::{Iteration, KktResiduals, Report, Start, Status};
 use crate::solver::NlpSolver;
 use crate::subproblem::{Origin, Subproblem};
-use filter::Filter;
 use restoration::Restoration;
 use somersault_core::cancel::Flow;
 use std::time::{Duration, Instant};
@@ -242,7 +241,7 @@ impl<'a> Run<'a> {
 
     /// Asks for the Hessian. Where it has no value the last one stays.
     fn refresh(&mut self) -> Result<(), Failure> {
-        match self.hessian.refresh(&mut self.program, &self.point.z, &self.y) {
+        match self.hessian.refresh(&mut self.program, &self.point.z, 1.0, &self.y) {
             Ok(()) => {}
             Err(EvaluationError::Undefined { .. }) if self.iterations > 0 => {}
             Err(EvaluationError::Undefined { .. }) => self.hessian.reset(),

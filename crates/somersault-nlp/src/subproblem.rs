@@ -15,10 +15,10 @@ mod restoration;
 
 use crate::error::SolverError;
 use crate::hessian::Hessian;
-use crate::interior_point::{InteriorPoint, Outcome, Quadratic};
 use crate::kkt::{Activity, Kkt};
 use crate::nlp::{Pattern, Structure};
 use crate::program::{Point, Program, max_norm};
+use crate::quadratic::{Outcome, Quadratic, QuadraticSolver};
 
 /// Exchanges of working sets before the interior-point method is asked.
 const EXCHANGES: usize = 6;
@@ -50,8 +50,8 @@ pub(crate) struct Subproblem {
     structure: Structure,
     hessian_pattern: Pattern,
     kkt: Kkt,
-    convex: Option<InteriorPoint>,
-    elastic: Option<InteriorPoint>,
+    convex: Option<QuadraticSolver>,
+    elastic: Option<QuadraticSolver>,
     lower: Vec<f64>,
     upper: Vec<f64>,
     targets: Vec<f64>,
@@ -119,7 +119,7 @@ impl Subproblem {
     }
 
     pub(crate) fn n_factorisations(&self) -> usize {
-        self.kkt.count
+        self.kkt.n_factorisations()
     }
 
     /// Bounds on the step and on the change of the constraints.
@@ -315,7 +315,7 @@ impl Subproblem {
     fn interior_point(&mut self, point: &Point, hessian: &[f64], shift: f64) -> bool {
         let solver = self.convex.get_or_insert_with(|| {
             let Structure { variables, constraints, jacobian, .. } = &self.structure;
-            InteriorPoint::new(&self.hessian_pattern, jacobian, variables, constraints, false)
+            QuadraticSolver::new(&self.hessian_pattern, jacobian, variables, constraints, false)
         });
         let data = Quadratic {
             gradient: &point.gradient,
@@ -412,7 +412,7 @@ impl Subproblem {
         loop {
             let solver = self.elastic.get_or_insert_with(|| {
                 let Structure { variables, constraints, jacobian, .. } = &self.structure;
-                InteriorPoint::new(&self.hessian_pattern, jacobian, variables, constraints, true)
+                QuadraticSolver::new(&self.hessian_pattern, jacobian, variables, constraints, true)
             });
             let data = Quadratic {
                 gradient: &point.gradient,

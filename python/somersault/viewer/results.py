@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from os import PathLike
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -69,8 +70,9 @@ def resolve(
             )
         found = MOTIONS[kind](found.source)
     if t is not None or q is not None or v is not None:
+        path = "; a path is given by its name, `path=`" if isinstance(t, str | PathLike) else ""
         raise InputError(
-            f"`t`, `q` and `v` must not be given beside a {type(moving).__name__}, which has them"
+            f"`t`, `q` and `v` must not be given beside a {type(moving).__name__}, which has them{path}"
         )
     return found
 

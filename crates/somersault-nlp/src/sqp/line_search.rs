@@ -1,7 +1,7 @@
 //! How far to go along a step: backtracking, by the merit function f + ρ Σ violations or by the filter.
 
-use super::filter::Measures;
 use super::{Failure, Globalisation, Run};
+use crate::filter::Measures;
 use crate::nlp::EvaluationError;
 use crate::program::{Point, max_norm};
 use crate::subproblem::{Origin, Subproblem};

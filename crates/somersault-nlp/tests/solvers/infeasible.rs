@@ -8,7 +8,7 @@ use somersault_nlp::{Nlp, Report, Status};
 
 /// Slope of half the sum of squared violations where bounds do not hold it, over the largest entry of the Jacobian and the
 /// largest violation; and that violation.
-fn slope_of_violation(problem: &Problem, report: &Report) -> (f64, f64) {
+pub(crate) fn slope_of_violation(problem: &Problem, report: &Report) -> (f64, f64) {
     let mut program = problem.program();
     let (n, m) = (problem.start.len(), problem.constraints.len());
     let (mut c, mut g, mut jac) = (vec![0.0; m], vec![0.0; n], vec![0.0; n * m]);
@@ -30,7 +30,7 @@ fn slope_of_violation(problem: &Problem, report: &Report) -> (f64, f64) {
     (slope / (size * violation), violation)
 }
 
-fn without_feasible_points() -> Vec<Problem> {
+pub(crate) fn without_feasible_points() -> Vec<Problem> {
     let problem = |name, start: &[f64], variables: &[(f64, f64)], constraints: &[(f64, f64)], f| {
         Problem::new(name, start, variables, constraints, f64::NAN, f)
     };

@@ -2,7 +2,9 @@
 
 mod behaviour;
 mod cart_pendulum;
+mod hock_schittkowski;
 mod infeasible;
+mod interior_point;
 mod large;
 mod least_squares;
 mod multi_start;

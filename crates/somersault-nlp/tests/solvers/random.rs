@@ -6,7 +6,7 @@ use somersault_nlp::{
 };
 
 /// ½ zᵀ H z + gᵀ z, A z within bounds; all matrices dense by columns.
-struct Quadratic {
+pub(crate) struct Quadratic {
     structure: Structure,
     h: Vec<f64>,
     g: Vec<f64>,
@@ -15,7 +15,7 @@ struct Quadratic {
 
 impl Quadratic {
     /// Of `convex` rank: H = Bᵀ B with as many rows in B, minus `concave` on the diagonal.
-    fn new(n: usize, m: usize, rank: usize, concave: f64, seed: u64) -> Self {
+    pub(crate) fn new(n: usize, m: usize, rank: usize, concave: f64, seed: u64) -> Self {
         let size = n * rank + n + n * m + n + m;
         let cube = Bounds { lower: vec![-1.0; size], upper: vec![1.0; size] };
         let numbers = samples(&cube, 1, seed).unwrap().remove(0).z;
@@ -49,7 +49,7 @@ impl Quadratic {
     }
 
     /// With three rows that contradict each other, wherever z is: they add up to zero and are to be ½ together.
-    fn contradicted(mut self) -> Self {
+    pub(crate) fn contradicted(mut self) -> Self {
         let constraints = &mut self.structure.constraints;
         let m = constraints.len();
         for column in self.a.chunks_mut(m) {
@@ -67,7 +67,7 @@ impl Quadratic {
     }
 
     /// Largest error in the conditions of Karush, Kuhn and Tucker.
-    fn error(&self, report: &Report) -> f64 {
+    pub(crate) fn error(&self, report: &Report) -> f64 {
         let (z, y) = (&report.z, &report.constraint_multipliers);
         let (n, m) = (z.len(), y.len());
         let mut worst = 0.0f64;
@@ -119,11 +119,17 @@ impl Nlp for Quadratic {
         Curvature::Exact
     }
 
-    fn hessian(&mut self, z: &[f64], _: f64, _: &[f64], hessian: &mut [f64]) -> Result<(), EvaluationError> {
+    fn hessian(
+        &mut self,
+        z: &[f64],
+        cost_factor: f64,
+        _: &[f64],
+        hessian: &mut [f64],
+    ) -> Result<(), EvaluationError> {
         let n = z.len();
         for j in 0..n {
             for i in 0..=j {
-                hessian[j * (j + 1) / 2 + i] = self.h[i + n * j];
+                hessian[j * (j + 1) / 2 + i] = cost_factor * self.h[i + n * j];
             }
         }
         Ok(())

@@ -1,4 +1,4 @@
-//! A start for a problem that its own cost leads astray: least effort, on a longer horizon each time until there is a motion.
+//! A start for a problem that its own cost leads astray: minimum effort, on a longer horizon each time until there is a motion.
 //!
 //! From a straight line, a program of least time is often called infeasible: the constraints hold for no horizon near the guess, or
 //! the cost pulls the horizon below the shortest one before there is a motion. With the horizon fixed and ½ ∫ Σ ((uᵢ − cᵢ)/sᵢ)² dt
@@ -56,7 +56,7 @@ fn horizons(problem: &Problem, factor: f64) -> Vec<(f64, f64)> {
 }
 
 impl<S: NlpSolver> Collocation<S> {
-    /// Guesses from a motion of least effort; none where no horizon has one. What was tried is added to `history`.
+    /// Guesses from a motion of minimum effort; none where no horizon has one. What was tried is added to `history`.
     pub(super) fn feasible_start(
         &self,
         problem: &mut Problem,
@@ -117,7 +117,7 @@ impl<S: NlpSolver> Collocation<S> {
     }
 }
 
-/// Whether somebody does not want to go on.
+/// Whether the search was stopped from outside, or must be.
 fn is_ended(status: Status) -> bool {
     matches!(status, Status::Stopped | Status::Interrupted | Status::Failed | Status::TimeLimit)
 }

@@ -81,7 +81,7 @@ pub enum CollocationStatus {
 pub struct MeshRecord {
     /// One for each phase.
     pub meshes: Vec<Mesh>,
-    /// Whether the program was one of least effort on a fixed horizon, for a start: its cost is the effort, and its errors are
+    /// Whether the program was one of minimum effort on a fixed horizon, for a start: its cost is the effort, and its errors are
     /// [unknown](Accuracy::UNKNOWN).
     pub is_start: bool,
     /// Cost as the program sees it.
@@ -130,7 +130,7 @@ impl CollocationReport {
 
 impl<S: NlpSolver> Collocation<S> {
     /// Solves, from the guesses of the phases and from `meshes`, one for each phase. Where the first program has no motion, the
-    /// search starts anew from one of least effort, on horizons of an eighth of the guess's and longer until there is one.
+    /// search starts again from one of minimum effort, on horizons of an eighth of the guess's and longer until there is one.
     /// `on_iteration` sees each step of each program, and ends the search by [`Flow::Stop`].
     pub fn solve(
         &self,
@@ -186,7 +186,7 @@ impl<S: NlpSolver> Collocation<S> {
                 (None, Some(guesses)) => transcription.start(guesses).into(),
                 (Some((phases, rest)), _) => {
                     let (z, constraint_multipliers) = transcription.continued(phases, rest);
-                    Start { z, constraint_multipliers, hessian: None }
+                    Start { z, constraint_multipliers, ..Start::default() }
                 }
             };
             let program = self.solver.solve(&mut transcription, &start, on_iteration)?;

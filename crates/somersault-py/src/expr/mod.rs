@@ -9,6 +9,8 @@ mod graph;
 use crate::core::error::{Class, Error, inputs};
 use somersault::expr::ExprError;
 
+pub(crate) use compiled::CompiledFunction;
+
 inputs!(ExprError);
 
 /// Expression graphs: exact derivatives of any order.

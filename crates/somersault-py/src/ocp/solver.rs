@@ -29,8 +29,8 @@ pub(crate) struct Report {
 
 value! {
     impl Report {
-        /// str: How the solve ended: ``'converged'``, ``'stalled'``, ``'iteration_limit'``, ``'time_limit'``,
-        /// ``'infeasible'``, ``'unbounded'``, ``'undefined'``, ``'stopped'``, ``'interrupted'`` or ``'failed'``.
+        /// str: How the solve ended: ``'converged'``, ``'stalled'``, ``'iteration_limit'``, ``'evaluation_limit'``,
+        /// ``'time_limit'``, ``'infeasible'``, ``'unbounded'``, ``'undefined'``, ``'stopped'``, ``'interrupted'`` or ``'failed'``.
         status: &'static str = |own| status_name(own.report.status);
         /// bool: Whether all residuals are within their tolerances: the program is solved, which does not make it a physical motion; see `confirmed`.
         success: bool = |own| own.report.status.is_converged();
@@ -154,10 +154,11 @@ impl Report {
     }
 }
 
-const STATUSES: [(Status, &str); 10] = [
+const STATUSES: [(Status, &str); 11] = [
     (Status::Converged, "converged"),
     (Status::Stalled, "stalled"),
     (Status::IterationLimit, "iteration_limit"),
+    (Status::EvaluationLimit, "evaluation_limit"),
     (Status::TimeLimit, "time_limit"),
     (Status::Infeasible, "infeasible"),
     (Status::Unbounded, "unbounded"),

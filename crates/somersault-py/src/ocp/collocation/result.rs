@@ -16,8 +16,8 @@ use somersault::ocp::collocation::{
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Result of collocation of one phase. Rows belong to the collocation points; those of `t`, `x` and `costates` have the end as a
-/// last row.
+/// Result of collocation of one phase. Rows belong to the collocation points; those of `t`, `x`, `q`, `v` and `costates` have the
+/// end as a last row.
 #[pyclass(frozen, extends = CollocationOutcome, module = "somersault.ocp")]
 pub(crate) struct CollocationResult {
     pub(super) report: Arc<CollocationReport>,
@@ -68,6 +68,14 @@ impl CollocationResult {
         &self.report.phases[0]
     }
 
+    /// The first or the second half of the states of a tree.
+    fn half<'py>(&self, py: Python<'py>, which: usize) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let Some(model) = &self.subject.model else { return Ok(None) };
+        let n = model.n_velocities();
+        let rows: Vec<Vec<f64>> = self.phase().states.iter().map(|x| x[which * n..][..n].to_vec()).collect();
+        table(py, &rows).map(Some)
+    }
+
     fn at<'py>(
         &self,
         py: Python<'py>,
@@ -101,7 +109,12 @@ value! {
         t: Bound<'py, PyAny> = |own, py| numpy::PyArray1::from_slice(py, &own.phase().times).into_any();
         /// ndarray, shape (n + 1, n_states): States.
         x: PyResult<Bound<'py, PyAny>> = |own, py| table(py, &own.phase().states);
-        /// ndarray, shape (n, n_controls): Controls.
+        /// ndarray, shape (n + 1, n_positions), or None: Configurations, the first half of x, where the motion is that of a tree.
+        q: PyResult<Option<Bound<'py, PyAny>>> = |own, py| own.half(py, 0);
+        /// ndarray, shape (n + 1, n_velocities), or None: Velocities, the second half.
+        v: PyResult<Option<Bound<'py, PyAny>>> = |own, py| own.half(py, 1);
+        /// ndarray, shape (n, n_controls): Controls at the times but the last, which is not a collocation point; `control` gives
+        /// them at any time.
         u: PyResult<Bound<'py, PyAny>> = |own, py| table(py, &own.phase().controls);
         /// ndarray, shape (n + 1, n_states): Costates λ, the change of the lowest cost from there on with the state.
         costates: PyResult<Bound<'py, PyAny>> = |own, py| table(py, &own.phase().costates);
@@ -192,7 +205,7 @@ impl CollocationResult {
         self.at(py, t, PhaseSolution::costate)
     }
 
-    /// list of dict: All meshes: ``n_intervals``, ``n_points``, ``is_start`` (whether least effort on a fixed horizon was sought for
+    /// list of dict: All meshes: ``n_intervals``, ``n_points``, ``is_start`` (whether minimum effort on a fixed horizon was sought for
     /// a start, with no estimated errors), ``cost``, estimated errors, relative, of the states (``error``),
     /// the cost (``cost_error``), the costates (``costate_error``) and the Hamiltonian (``hamiltonian_error``), the ``violation`` of
     /// bounds of states between the points, ``status`` of the program, ``nit`` and ``seconds``.

@@ -8,53 +8,53 @@ const VIOLATION_POWER: f64 = 1.1;
 
 /// What a point is accepted by.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Measures {
+pub(crate) struct Measures {
     /// Sum of violations.
-    pub(super) violation: f64,
-    pub(super) cost: f64,
+    pub(crate) violation: f64,
+    pub(crate) cost: f64,
 }
 
 /// Measures that are given up: a point is acceptable where it has less of one than each of them.
-pub(super) struct Filter {
+pub(crate) struct Filter {
     /// Margins taken off.
     entries: Vec<Measures>,
     /// Violation above which nothing is accepted.
     largest: f64,
     /// Violation above which a promise of a lower cost is not relied on.
-    small: f64,
+    pub(crate) small: f64,
     /// Size of a unit of cost.
     cost_scale: f64,
 }
 
 impl Filter {
     /// For a start with this violation, and `limit` times as much or as one at most.
-    pub(super) fn new(violation: f64, limit: f64, cost_scale: f64) -> Self {
+    pub(crate) fn new(violation: f64, limit: f64, cost_scale: f64) -> Self {
         let size = violation.max(1.0);
         let largest = (limit * size).max(violation);
         Self { entries: Vec::new(), largest, small: 1e-4 * size, cost_scale }
     }
 
     /// Whether no entry dominates a point.
-    pub(super) fn accepts(&self, point: Measures) -> bool {
+    pub(crate) fn accepts(&self, point: Measures) -> bool {
         point.violation <= self.largest
             && self.entries.iter().all(|e| point.violation < e.violation || point.cost < e.cost)
     }
 
     /// Whether a point has less violation or cost than another; `slack` is rounding of the cost.
-    pub(super) fn improves(&self, from: Measures, to: Measures, slack: f64) -> bool {
+    pub(crate) fn improves(&self, from: Measures, to: Measures, slack: f64) -> bool {
         let least = self.margins(from);
         to.violation <= least.violation || to.cost <= least.cost + slack
     }
 
     /// Whether a step of this length is to reduce the cost: it promises much beside the violation where it begins.
-    pub(super) fn switches(&self, violation: f64, slope: f64, length: f64) -> bool {
+    pub(crate) fn switches(&self, violation: f64, slope: f64, length: f64) -> bool {
         slope < 0.0
             && violation <= self.small
             && length * (-slope / self.cost_scale).powf(SLOPE_POWER) > violation.powf(VIOLATION_POWER)
     }
 
     /// Gives up a point and all that it dominates.
-    pub(super) fn add(&mut self, point: Measures) {
+    pub(crate) fn add(&mut self, point: Measures) {
         let added = self.margins(point);
         self.entries.retain(|e| e.violation < added.violation || e.cost < added.cost);
         self.entries.push(added);
