@@ -17,10 +17,11 @@ import contact
 import ftla
 import long_run
 import multibody
+import programs
 import swing_up
 from measure import machine
 
-COMPARISONS = (box, long_run, contact, batch, multibody, arm, ftla, swing_up, components)
+COMPARISONS = (box, long_run, contact, batch, multibody, arm, programs, ftla, swing_up, components)
 
 
 def main() -> None:

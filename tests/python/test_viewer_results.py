@@ -218,6 +218,7 @@ WITHOUT = {
     "Mesh",
     "MethodInfo",
     "MethodTable",
+    "MinimizeResult",
     "Pca",
     "Perturbation",
     "Phase",

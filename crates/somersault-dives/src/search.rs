@@ -110,7 +110,11 @@ impl DiveSearch {
             while let Some(start) = self.with_breaches(&mut [&mut model, &mut program], &found)? {
                 found = self.constrained(&mut model, start, &mut watch)?;
             }
-            start = Start { z: found.z, constraint_multipliers: found.constraint_multipliers, ..Start::default() };
+            start = Start {
+                z: found.z,
+                constraint_multipliers: found.constraint_multipliers,
+                ..Start::default()
+            };
             if !matches!(found.status, Status::Converged | Status::Stalled) {
                 solver.max_iterations = 0;
                 given_up = Some(found.status);

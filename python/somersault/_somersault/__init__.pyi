@@ -13,6 +13,7 @@ from somersault._somersault import (
     integrators,
     motion,
     multibody,
+    nlp,
     ocp,
     studies,
 )
@@ -27,6 +28,7 @@ __all__ = [
     "integrators",
     "motion",
     "multibody",
+    "nlp",
     "ocp",
     "studies",
 ]
