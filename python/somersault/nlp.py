@@ -250,6 +250,8 @@ class _Pattern:
         self.keys = keys
         self.rows = keys % max(shape[0], 1)
         self.starts = np.searchsorted(keys // max(shape[0], 1), np.arange(shape[1] + 1))
+        # the places of what a function gave last, which it gives again as a rule
+        self.last: dict[str, tuple[NDArray[np.int64], NDArray[np.intp]]] = {}
 
     @property
     def columns(self) -> NDArray[np.int64]:
@@ -262,6 +264,8 @@ class _Pattern:
     def places(self, rows: NDArray[np.intp], columns: NDArray[np.intp], name: str) -> NDArray[np.intp]:
         """Where the values of entries are."""
         keys = columns.astype(np.int64) * max(self.shape[0], 1) + rows
+        if name in self.last and np.array_equal(keys, self.last[name][0]):
+            return self.last[name][1]
         places = np.searchsorted(self.keys, keys)
         inside = places < self.keys.size
         missing = ~inside
@@ -272,6 +276,7 @@ class _Pattern:
             raise InputError(
                 f"{name} has an entry {entry} that it did not have at `x0`: store it there, as zero"
             )
+        self.last[name] = keys, places
         return places
 
 
