@@ -81,7 +81,7 @@ bench:
 
 # The facade with each of its features alone, and with none.
 features:
-	for feature in "" contact dives ftla motion multibody nlp ocp rayon robots serde storage; do \
+	for feature in "" contact dives expr ftla motion multibody nlp ocp rayon robots serde storage; do \
 		cargo check --package somersault --no-default-features --features "$$feature" || exit 1; done
 
 # The same problems solved by other packages, side by side.

@@ -8,14 +8,18 @@ left out, so that a notebook that is run again changes only where its outputs do
 from __future__ import annotations
 
 import sys
-import tempfile
 from pathlib import Path
 from typing import Any
 
 import nbformat
 from nbclient import NotebookClient
 
+import somersault
+from somersault import ocp
+
 FOLDER = Path(__file__).parents[1] / "python" / "notebooks"
+#: The dive that its notebook loads, since finding it takes long; found anew with that notebook.
+DIVE = FOLDER / "dive_5174d.som"
 
 #: What runs before a notebook, and is not stored.
 _BEFORE = """
@@ -39,12 +43,11 @@ _METADATA = {
 
 
 def run(path: Path) -> None:
-    """Runs a notebook in a folder of its own, and writes it with its outputs."""
+    """Runs a notebook and writes it with its outputs."""
     notebook: Any = nbformat.read(path, as_version=4)
     notebook.cells.insert(0, nbformat.v4.new_code_cell(_BEFORE))
-    with tempfile.TemporaryDirectory() as folder:
-        resources = {"metadata": {"path": folder}}
-        NotebookClient(notebook, timeout=300, kernel_name="python3", resources=resources).execute()
+    resources = {"metadata": {"path": str(FOLDER)}}
+    NotebookClient(notebook, timeout=300, kernel_name="python3", resources=resources).execute()
     del notebook.cells[0]
     notebook.metadata = _METADATA
     for cell in notebook.cells:
@@ -62,6 +65,8 @@ def run(path: Path) -> None:
 
 def main() -> None:
     chosen = sys.argv[1:] or sorted(path.stem for path in FOLDER.glob("*.ipynb"))
+    if "dives" in chosen:
+        somersault.save(DIVE, ocp.dive_5174d().solve())
     for name in chosen:
         path = FOLDER / f"{name}.ipynb"
         run(path)

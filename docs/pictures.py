@@ -29,7 +29,8 @@ from somersault.viewer.film import pictures
 FOLDER = Path(__file__).parent / "images"
 #: Of a figure, inches and pixels per inch: twice as many as a page shows.
 _SIZE, _DOTS = (5.6, 3.6), 200
-_FILM_SECONDS, _FILM_RATE = 10, 10
+#: The film: its length in seconds, pictures a second, and how many of them lead from its end to its start.
+_FILM_SECONDS, _FILM_RATE, _FADED = 10, 12, 6
 _GREY = "#777777"
 
 plt.rcParams.update(
@@ -142,33 +143,34 @@ def touch() -> None:
     ax.set(xlim=(2.5e-5, 2.2e-3), ylim=(1e-17, 1e-3))
     ax.set_xlabel("step of the integration (s)")
     ax.set_ylabel("error of the position (m)")
-    _better(ax, (0.72, 0.42), (0.72, 0.2))
+    _better(ax, (0.6, 0.34), (0.6, 0.14))
     _save("contact.png")
 
 
 def optimise() -> None:
     """Two extremals of the arm."""
     figure = plt.figure(figsize=_SIZE, layout="constrained")
-    figure.suptitle("An arm turned over with minimum effort, two ways", fontsize=14)
+    figure.suptitle("An arm folds, turns and unfolds with minimum effort", fontsize=14)
     motions = (
-        (ocp.arm_motion(np.pi), "the thesis' way"),
-        (ocp.arm_motion(-np.pi, turn=-2 * np.pi), "with less effort"),
+        (ocp.arm_motion(np.pi), "to the right first:\ncost"),
+        (ocp.arm_motion(-np.pi, turn=-2 * np.pi), "to the left first:\nless cost,"),
     )
-    colors = plt.get_cmap("plasma")
-    for k, (found, name) in enumerate(motions):
+    for k, ((found, name), color) in enumerate(zip(motions, (MUTED[1], MUTED[0]), strict=True)):
         ax = figure.add_subplot(1, 2, k + 1)
-        for t in np.linspace(0.0, 10.0, 31):
-            first, second = found.state(t)[:2]
-            elbow = 2.0 * np.array([np.cos(first), np.sin(first)])
-            hand = elbow + 0.5 * np.array([np.cos(first + second), np.sin(first + second)])
-            ax.plot(*np.array([[0, 0], elbow, hand]).T, color=colors(0.085 * t), lw=1.6)
+        first, second = np.array([found.state(t)[:2] for t in np.linspace(0.0, 10.0, 201)]).T
+        elbow = 2.0 * np.array([np.cos(first), np.sin(first)])
+        hand = elbow + 0.5 * np.array([np.cos(first + second), np.sin(first + second)])
+        for at in range(0, 201, 20):
+            ax.plot(*np.transpose([(0.0, 0.0), elbow[:, at], hand[:, at]]), color="#bbbbbb", lw=1.6)
+        ax.plot(*hand, color=color, lw=2.6)
         ax.plot(0.0, 0.0, "ko", ms=7)
         ax.set_aspect("equal")
         ax.set_axis_off()
         ax.set(xlim=(-1.1, 2.6), ylim=(-3.0, 3.0))
-        ax.set_title(f"{name}:\ncost {found.cost:.4f}", fontsize=13)
-        _label(ax, (0.0, -2.75), "start", colors(0.0), (10, 0))
-        _label(ax, (0.0, 2.75), "after 10 s", colors(0.8), (10, 0))
+        ax.set_title(f"{name} {found.cost:.4f}", fontsize=13, color=color)
+        _label(ax, (0.0, -2.75), "start", "k", (10, 0))
+        _label(ax, (0.0, 2.75), "after 10 s", "k", (10, 0))
+        _label(ax, (1.3, -2.0), "path of\nthe hand", color)
     _save("optimise.png")
 
 
@@ -271,7 +273,8 @@ def _dive_scene() -> tuple[viewer.Scene, float]:
 def _flip_scene() -> tuple[viewer.Scene, float]:
     """A T of two bars that turns about its middle axis: it flips over and back, the Dzhanibekov effect."""
     body = somersault.RigidBody(0.1, (3.45e-5, 4.02e-5, 7.05e-5))
-    start = somersault.State(angular_velocity=(0.0, 9.0, 0.02))
+    # So slow that the eye follows it from picture to picture.
+    start = somersault.State(angular_velocity=(0.0, 5.0, 0.02))
     t = np.linspace(0.0, _FILM_SECONDS, 1200)
     turned = exact.FreeBody(body, start)(t)
     bars = [
@@ -312,12 +315,12 @@ def film() -> None:
     side, below, columns, labels = 256, 66, [], []
     for label, made in (
         ("an optimal dive", _dive_scene),
-        ("a T-bar flips over", _flip_scene),
+        ("the Dzhanibekov flip", _flip_scene),
         ("a top on the ground", _top_scene),
     ):
         scene, duration = made()
         slower = round(_FILM_SECONDS / duration)
-        labels.append(f"{label}\n{f'{slower} times slower' if slower > 1 else 'as fast as it is'}")
+        labels.append(f"{label}\n{f'{slower} times slower' if slower > 1 else 'in real time'}")
         columns.append(_frames(scene, np.linspace(0.0, duration, _FILM_SECONDS * _FILM_RATE), (side, side)))
     frames = []
     for row in zip(*columns, strict=True):
@@ -327,12 +330,15 @@ def film() -> None:
             frame.paste(picture, (side * i, 0))
             _write(pen, (side * (i + 0.5), side + below / 2), label, 24)
         frames.append(frame)
+    # The film runs in a loop: its end fades into its start.
+    for i, frame in enumerate(frames[-_FADED:]):
+        frames[i - _FADED] = Image.blend(frame, frames[0], (i + 1) / (_FADED + 1))
     _reduce(frames[len(frames) // 3], "film.png", 128)
     frames[0].save(
         FOLDER / "film.webp",
         save_all=True,
         append_images=frames[1:],
-        duration=1000 // _FILM_RATE,
+        duration=round(1000 / _FILM_RATE),
         loop=0,
         quality=40,
         method=6,

@@ -444,7 +444,7 @@ fn a_dive_is_a_success_where_its_own_flight_agrees() {
 
 /// Somersaults forward and backward, whole and odd half twists to both sides.
 #[test]
-#[ignore = "half a minute: run by `make studies`"]
+#[ignore = "long form of `a_dive_is_a_success_where_its_own_flight_agrees`, 14 s: `make studies` runs it"]
 fn dives_are_a_success_where_their_own_flight_agrees() {
     succeed_where_their_own_flight_agrees(&[(2.5, 0.5, 1.8), (-2.5, 1.0, 1.8), (2.5, -1.5, 1.8)]);
 }

@@ -9,15 +9,17 @@ from __future__ import annotations
 
 import platform
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from html import escape
 from pathlib import Path
 from typing import TypeVar
 
+import matplotlib as mpl
+
 import somersault
 from tour import chapters, thesis
 from tour.measurements import FULL, REDUCED, Measurements, Setting
-from tour.page import Page
+from tour.page import LETTERS, Page
 
 __all__ = ["FULL", "REDUCED", "Measurements", "Setting", "run"]
 
@@ -52,11 +54,12 @@ def run(out: Path | str, measurements: Measurements | None = None, progress: boo
     folder.mkdir(parents=True, exist_ok=True)
     measurements = measurements or Measurements(FULL)
     pages = []
-    for slug in _shown(chapters.ORDER, progress):
-        chapter = chapters.load(slug)
-        page = Page(slug, chapter.TITLE, folder)
-        chapter.write(page, measurements)
-        pages.append(page)
+    with mpl.rc_context({"font.size": LETTERS, "axes.titlesize": LETTERS}):
+        for slug in _shown(chapters.ORDER, progress):
+            chapter = chapters.load(slug)
+            page = Page(slug, chapter.TITLE, folder)
+            chapter.write(page, measurements)
+            pages.append(page)
     index = _index(folder, pages, measurements)
     footer = escape(
         f"somersault {somersault.__version__} · {platform.system()} {platform.machine()}, "
@@ -88,11 +91,24 @@ def _shown(items: Iterable[Item], progress: bool) -> Iterator[Item]:
                 yield item
 
 
-def _navigation(current: Page, pages: Iterable[Page]) -> str:
-    links = [("index", "Overview"), *((page.slug, page.title) for page in pages)]
-    return "".join(
-        f'<a href="{slug}.html"{" aria-current=page" if slug == current.slug else ""}>{escape(title)}</a> '
-        for slug, title in links
+def _navigation(current: Page, pages: Sequence[Page]) -> str:
+    """Overview, the chapters before and after, and all of them folded away."""
+
+    def link(page: Page, text: str) -> str:
+        here = " aria-current=page" if page is current else ""
+        return f'<a href="{page.slug}.html"{here}>{escape(text)}</a> '
+
+    at = next((i for i, page in enumerate(pages) if page is current), None)
+    before = [] if at is None else pages[max(0, at - 1) : at]
+    after = pages[:1] if at is None else pages[at + 1 : at + 2]
+    chosen = "" if at is not None else " aria-current=page"
+    return (
+        f'<a href="index.html"{chosen}>Overview</a> '
+        + "".join(link(page, f"← {page.title}") for page in before)
+        + "".join(link(page, f"{page.title} →") for page in after)
+        + "<details><summary>All chapters</summary>"
+        + "".join(link(page, page.title) for page in pages)
+        + "</details>"
     )
 
 

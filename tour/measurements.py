@@ -34,14 +34,36 @@ class Setting:
     bodies: int
     #: Steps of the long run.
     long_steps: int
+    #: Of so many frames of a dive one is fitted to markers.
+    thinned: int
+    #: Flights that are recorded where no recordings are given.
+    flights: int
 
 
 #: Step of the reference motion of the spinning top, s.
 TOP_STEP = 2.5e-5
 
-FULL = Setting(inertias=100, other_inertias=100, finest=-5.0, repeats=7, bodies=10_000, long_steps=1_000_000)
+FULL = Setting(
+    inertias=100,
+    other_inertias=100,
+    finest=-5.0,
+    repeats=7,
+    bodies=10_000,
+    long_steps=1_000_000,
+    thinned=1,
+    flights=4,
+)
 #: For tests: the same pages in less time.
-REDUCED = Setting(inertias=100, other_inertias=20, finest=-3.0, repeats=1, bodies=500, long_steps=2_000)
+REDUCED = Setting(
+    inertias=100,
+    other_inertias=20,
+    finest=-3.0,
+    repeats=1,
+    bodies=500,
+    long_steps=2_000,
+    thinned=4,
+    flights=2,
+)
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,13 @@ if TYPE_CHECKING:
 
 STYLE = files(__package__).joinpath("page.css").read_text(encoding="utf-8")
 
+#: Size of the letters of figures, points.
+LETTERS = 12.0
+#: Height of letters below which a telephone does not make a figure smaller, in pixels of the page.
+_LEGIBLE = 9.5
+#: Pixels of the page for an inch of a figure where there is room.
+_INCH = 105
+
 
 @dataclass(frozen=True)
 class Cell:
@@ -126,11 +133,15 @@ class Page:
         figure = cast("Figure", ax.figure)
         path = self.folder / "figures" / f"{name}.png"
         path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=144, bbox_inches="tight")
+        # Figures are laid out once, by their own layout, which `bbox_inches="tight"` would do again.
+        figure.savefig(path, dpi=144)
         plt.close(figure)
         self.figures.append(path)
+        width = figure.get_figwidth()
+        least, most = round(72.0 * width * _LEGIBLE / LETTERS), round(_INCH * width)
         self._pieces.append(
-            f'<figure><img src="figures/{path.name}" alt="{escape(description)}" loading="lazy">'
+            f'<figure><img src="figures/{path.name}" alt="{escape(description)}" loading="lazy"'
+            f' style="--least: {least}px; --most: {most}px">'
             f"<figcaption>{caption}</figcaption></figure>"
         )
 

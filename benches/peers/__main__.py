@@ -14,6 +14,7 @@ import batch
 import box
 import components
 import contact
+import expressions
 import ftla
 import long_run
 import multibody
@@ -21,7 +22,7 @@ import programs
 import swing_up
 from measure import machine
 
-COMPARISONS = (box, long_run, contact, batch, multibody, arm, programs, ftla, swing_up, components)
+COMPARISONS = (box, long_run, contact, batch, multibody, expressions, arm, programs, ftla, swing_up, components)
 
 
 def main() -> None:

@@ -28,6 +28,7 @@ __all__ = [
     "SensitivityError",
     "SomersaultError",
     "SweepError",
+    "TraceError",
     "WriteError",
 ]
 
@@ -100,6 +101,18 @@ class ExportError(SomersaultError):
 
 class SweepError(SomersaultError):
     """A sweep could not continue: its directory is in use, or its cluster went away."""
+
+
+class TraceError(InputError):
+    """A function cannot be traced: it does something that symbols cannot take part in.
+
+    The message has the line of it, and what to write instead.
+    """
+
+    #: The file, the number of the line and its text.
+    place: str = ""
+    #: What the line does, and what to write instead.
+    reason: str = ""
 
 
 class ReadWarning(UserWarning):

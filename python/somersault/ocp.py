@@ -28,8 +28,9 @@ two examples of the thesis.
 """
 
 from somersault._arm import arm_motion, arm_problem
+from somersault._control_problem import ControlProblem
 from somersault._somersault import ocp as _extension
 from somersault._somersault.ocp import *  # noqa: F403
 
-__all__ = ["arm_motion", "arm_problem"]
-__all__ += _extension.__all__
+__all__ = ["ControlProblem", "arm_motion", "arm_problem"]
+__all__ += [name for name in _extension.__all__ if not name.startswith("_")]

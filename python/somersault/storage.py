@@ -221,8 +221,10 @@ def write_bytes(path: Path, content: bytes) -> None:
         with contextlib.suppress(FileNotFoundError):
             shutil.copymode(path, whole)
         whole.replace(path)
-    except BaseException:
+    except BaseException as fault:
         whole.unlink(missing_ok=True)
+        if isinstance(fault, OSError):
+            fault.filename = str(path)  # the caller does not know the file that would have replaced it
         raise
 
 

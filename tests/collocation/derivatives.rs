@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use somersault_core::Scalar;
+use somersault_expr::{Block, ExprFunction};
 use somersault_multibody::{models::CartPendulum, models::TwoLinkArm};
 use somersault_nlp::{Nlp, Pattern};
 use somersault_ocp::collocation::{
@@ -171,4 +172,57 @@ fn derivatives_through_trees_are_exact() {
     let cart = TreeDynamics::try_new(&CartPendulum::default().model().unwrap(), &[0]).unwrap();
     let phase = Phase::of_tree(cart, Effort).initial_state([0.0, 3.0, 0.0, 0.0]);
     check(&mut Problem::try_new(phase).unwrap(), &[Mesh::try_uniform(1, 3).unwrap()]);
+}
+
+/// The same problem, its functions traced into graphs.
+fn traced_tangle() -> Phase {
+    let point = || ["x", "u", "p"].map(|name| Block::new(name, [2])).into_iter().chain([Block::new("t", [])]);
+    let dynamics = ExprFunction::trace(point().collect(), |blocks| {
+        let [x, u, p, t] = blocks else { panic!("four blocks") };
+        let (t, v) = (t[0], u[1]);
+        vec![
+            (x[0] * x[1] + t * u[0]).sin() * p[0] + v * v * t,
+            (x[0] * p[1] - x[1] * v).cos() + u[0] * t * t * x[0],
+        ]
+    });
+    let path = ExprFunction::trace(point().collect(), |blocks| {
+        let [x, u, p, t] = blocks else { panic!("four blocks") };
+        let t = t[0];
+        vec![
+            (x[0] * u[1] + t * p[0]).sin() + u[0] * u[0] * t,
+            x[0] * x[1] * t + p[1] * u[0],
+            (u[1] * t).sin() * x[1],
+        ]
+    });
+    let ends = ["first", "last", "p", "times"].map(|name| Block::new(name, [2]));
+    let ends = ExprFunction::trace(ends.to_vec(), |blocks| {
+        let [first, last, p, times] = blocks else { panic!("four blocks") };
+        vec![first[0] * last[1] * times[1] * p[0] + times[0].sin(), (first[1] - last[0]) * times[0] * p[1]]
+    });
+    let functions = [&dynamics.unwrap(), &path.unwrap(), &ends.unwrap()];
+    Phase::try_traced(functions, 2, 2)
+        .unwrap()
+        .initial_state([0.3.into(), Interval::FREE])
+        .final_state([Interval::FREE, Interval::new(-1.0, 2.0)])
+        .horizon(Interval::new(0.1, 0.4), Interval::new(1.0, 3.0))
+        .path_bounds([Interval::new(-1.0, 1.0), Interval::at_most(4.0)])
+        .end_bounds([Interval::fixed(0.2)])
+        .scales([2.0, 0.5], [3.0, 0.25])
+}
+
+#[test]
+fn derivatives_of_traced_functions_are_those_of_duals() {
+    let mesh = Mesh::try_new(vec![0.0, 0.2, 0.7, 1.0], vec![2, 4, 1]).unwrap();
+    let [duals, graphs] = [tangle(), traced_tangle()].map(|phase| {
+        let mut problem = Problem::try_new(phase).unwrap();
+        let mut nlp = Transcription::try_new(&mut problem, std::slice::from_ref(&mesh)).unwrap();
+        let mut z = nlp.decision_of_guess();
+        z.iter_mut().enumerate().for_each(|(i, z)| *z += 0.3 * (1.7 * i as f64 + 0.4).sin());
+        let m = nlp.structure().constraints.len();
+        let y: Vec<f64> = (0..m).map(|i| (0.9 * i as f64 + 0.2).cos()).collect();
+        derivatives(&mut nlp, &z, 0.7, &y)
+    });
+    assert!((duals.0 - graphs.0).amax() < 1e-14);
+    assert!((duals.1 - graphs.1).amax() < 1e-14);
+    assert!((duals.2 - graphs.2).amax() < 1e-13);
 }

@@ -360,17 +360,6 @@ pub(crate) const ALL: &[Known] = &[
                 .final_state([std::f64::consts::PI, 0.0])
                 .control_bounds([Interval::new(-2.0, 2.0)])
                 .horizon(0.0, Interval::new(0.5, 5.0))
-                .guess(Guess {
-                    times: vec![0.0, 0.4, 1.1, 2.2],
-                    states: vec![
-                        vec![0.0, 0.0],
-                        vec![0.5, 0.0],
-                        vec![-1.2, 0.0],
-                        vec![std::f64::consts::PI, 0.0],
-                    ],
-                    controls: vec![vec![2.0], vec![-2.0], vec![2.0], vec![-2.0]],
-                    parameters: Vec::new(),
-                })
         },
     },
     Known {

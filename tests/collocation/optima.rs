@@ -3,7 +3,7 @@
 use crate::known;
 use somersault_core::Scalar;
 use somersault_multibody::models::CartPendulum;
-use somersault_nlp::Flow;
+use somersault_nlp::{Flow, Status};
 use somersault_ocp::collocation::{
     Collocation, CollocationReport, CollocationStatus, Dynamics, Ends, Guess, Interval, Linkage, Mesh, Phase,
     Point, Problem, Terms, TreeDynamics,
@@ -34,10 +34,13 @@ fn half<T: Scalar>() -> T {
 fn known_costs_are_met_where_a_search_says_so() {
     // what takes seconds, or is said not to be solved
     let slow = |name: &str, tolerance: f64| {
-        let to_any = name.starts_with("Goddard") || name.ends_with("pendulum");
+        let to_any = name.starts_with("Goddard");
         to_any
             || (tolerance < 1e-7
-                && (name.contains("Denham") || name.contains("fuel") || name.contains("oscillator")))
+                && (name.contains("Denham")
+                    || name.contains("fuel")
+                    || name.contains("oscillator")
+                    || name.ends_with("pendulum")))
     };
     for tolerance in [1e-6, 1e-8] {
         for known in known::ALL.iter().filter(|known| !slow(known.name, tolerance)) {
@@ -52,6 +55,50 @@ fn known_costs_are_met_where_a_search_says_so() {
             assert!(report.accuracy().cost <= tolerance && report.accuracy().shortfall(tolerance).is_none());
         }
     }
+}
+
+/// From a straight line the program of least time has no motion; one of least effort on a longer horizon leads to it.
+#[test]
+fn the_least_time_of_a_pendulum_is_found_from_a_straight_line_through_least_effort() {
+    let known = known::ALL.iter().find(|known| known.name == "least time, pendulum").unwrap();
+    let report = solve_phases(known.problem(), &[known.mesh()], 1e-6);
+    let starts: Vec<_> = report.history.iter().map(|mesh| mesh.is_start).collect();
+    assert!(!starts[0] && starts[1] && !starts[starts.len() - 1], "{starts:?}");
+    assert!(!report.history[0].status.is_converged());
+    let effort = report.history.iter().rfind(|mesh| mesh.is_start).unwrap();
+    assert!(effort.status.is_converged() && effort.accuracy.equations.is_infinite(), "{effort:?}");
+    assert!((report.cost - known.cost).abs() < 1e-6, "{}", report.cost);
+}
+
+/// Any of u + 2πk solves the program at a point. From a straight line Newton's steps leave a k of its own at each, which is no motion
+/// between the points.
+#[test]
+fn angles_that_a_program_winds_up_are_unwound() {
+    let known = known::ALL.iter().find(|known| known.name == "brachistochrone").unwrap();
+    for mesh in [uniform(20, 3), uniform(10, 4), uniform(25, 4)] {
+        let report = solve_phases(known.problem(), &[mesh], 1e-6);
+        assert!((report.cost - known.cost).abs() < 1e-6, "{}", report.cost);
+        let angles: Vec<f64> = report.phases[0].controls.iter().map(|u| u[0]).collect();
+        assert!(angles.windows(2).all(|pair| pair[1] < pair[0] && pair[0] < 2.0), "{angles:?}");
+    }
+}
+
+/// Where no horizon within the bounds has a motion, that is what is said, with all that was tried.
+#[test]
+fn a_block_that_cannot_arrive_in_time_is_infeasible_after_all_horizons() {
+    let phase = Phase::new(DoubleIntegrator, Timed(1.0))
+        .initial_state([0.0, 0.0])
+        .final_state([1.0, 0.0])
+        .control_bounds([Interval::new(-1.0, 1.0)])
+        .horizon(0.0, Interval::new(0.5, 1.8));
+    let mut problem = Problem::try_new(phase).unwrap();
+    let report =
+        Collocation::default().solve(&mut problem, &[uniform(10, 3)], &mut |_| Flow::Continue).unwrap();
+    assert_eq!(report.status, CollocationStatus::NotSolved(Status::Infeasible));
+    // the last mesh is that of the solution
+    let (last, starts) = report.history.split_last().unwrap();
+    assert!(!last.is_start && starts.len() > 1 && starts.iter().all(|mesh| mesh.is_start));
+    assert!(report.history.iter().all(|mesh| mesh.status == Status::Infeasible), "{:?}", report.history);
 }
 
 /// What a mesh does not reach is said, with what is not.

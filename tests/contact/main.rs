@@ -1,6 +1,7 @@
 //! Rigid bodies in contact. One program, so that every method is compiled for a body in contact once.
 
 mod adaptive;
+mod allocation;
 mod bodies;
 mod events;
 mod falling_box;
@@ -16,3 +17,8 @@ mod shots;
 mod stiff;
 mod surfaces;
 mod user_laws;
+
+use somersault_testkit::allocations::Counting;
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;

@@ -110,7 +110,7 @@ fn a_method_of_each_family_falls_to_first_order_on_the_bouncing_ball_without_loc
 }
 
 #[test]
-#[ignore = "ten seconds: run by `make studies`"]
+#[ignore = "long form of `a_method_of_each_family_falls_to_first_order_on_the_bouncing_ball_without_location`, 10 s: `make studies` runs it"]
 fn every_method_falls_to_first_order_on_the_bouncing_ball_without_location() {
     fall_to_first_order_on_the_bouncing_ball(Method::ALL);
 }
@@ -285,7 +285,7 @@ fn a_method_of_each_family_falls_to_first_order_on_the_top_without_location() {
 }
 
 #[test]
-#[ignore = "a minute: run by `make studies`"]
+#[ignore = "long form of `a_method_of_each_family_falls_to_first_order_on_the_top_without_location`, a minute: `make studies` runs it"]
 fn every_method_falls_to_first_order_on_the_top_without_location() {
     fall_to_first_order_on_the_top(methods());
 }

@@ -448,7 +448,7 @@ fn of_random_shots_none_that_hits_is_missed() {
 
 /// `cargo test --release -p somersault-tests --test contact -- --ignored hundred_thousand --nocapture`
 #[test]
-#[ignore = "the long version of the test above: `make studies` runs it"]
+#[ignore = "long form of `of_random_shots_none_that_hits_is_missed`, half a minute: `make studies` runs it"]
 fn of_a_hundred_thousand_shots_none_that_hits_is_missed() {
     let (hits, missed, false_touches) = shoot(0..100_000);
     assert!(hits > 30_000, "{hits}");

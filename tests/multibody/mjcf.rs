@@ -247,6 +247,29 @@ fn classes_of_defaults_are_nested() {
 }
 
 #[test]
+fn defaults_are_given_for_elements_that_exist() {
+    let of = |elements: &str| {
+        mjcf::read(
+            &format!(
+                "<mujoco><default>{elements}</default><worldbody><body><joint/><geom size='1'/></body></worldbody></mujoco>"
+            ),
+            &STRICT,
+        )
+    };
+    // what MuJoCo 4.0.0 takes there
+    let known = "<mesh/><material/><joint/><geom/><site/><camera/><light/><pair/><equality/><tendon/><general/><motor/>\
+                 <position/><velocity/><intvelocity/><damper/><cylinder/><muscle/><adhesion/><dcmotor/><texture/>";
+    assert!(of(known).is_ok(), "{:?}", of(known).err());
+    // and what it refuses
+    for unknown in
+        ["jiont", "geoms", "body", "inertial", "freejoint", "weld", "connect", "fixed", "spatial", "frame"]
+    {
+        let found = of(&format!("<{unknown} damping='1'/>")).unwrap_err().to_string();
+        assert!(found.contains(&format!("<{unknown}>")) && found.contains("<default>"), "{found}");
+    }
+}
+
+#[test]
 fn equal_joints_follow_and_others_are_listed() {
     let text = |equality: &str| {
         format!(
@@ -505,16 +528,8 @@ fn hostile_documents_cost_neither_stack_nor_time() {
     assert!(read(&text).unwrap_err().to_string().contains("its class has too many elements"));
 }
 
-/// Words that a mutation may put anywhere.
-const WORDS: [&str; 24] = [
-    "nan",
-    "-inf",
-    "1e308",
-    "-1",
-    "0",
-    "\"",
-    "<",
-    "/>",
+/// What may be put anywhere in a document of this format.
+const OF_MJCF: [&str; 12] = [
     "</body>",
     "<body name=\"a\">",
     "<freejoint/>",
@@ -526,10 +541,6 @@ const WORDS: [&str; 24] = [
     "class=\"stiff\"",
     "fromto=\"0 0 0 1 1 1\"",
     "zaxis=\"0 0 0\"",
-    "<!--",
-    "<![CDATA[",
-    "&#0;",
-    "\u{1F938}",
     "range=\"1 -1\"",
 ];
 
@@ -551,13 +562,13 @@ fn a_thousand_damaged_robots_end_no_process() {
         match (seed % 3, random.below(3)) {
             (2, 1) => {
                 let legs = files.included.get_mut("parts/legs.xml").unwrap();
-                *legs = mutated(&mut random, legs, &WORDS);
+                *legs = mutated(&mut random, legs, &OF_MJCF);
             }
             (2, 2) => {
                 let defaults = files.included.get_mut("parts/defaults.xml").unwrap();
-                *defaults = mutated(&mut random, defaults, &WORDS);
+                *defaults = mutated(&mut random, defaults, &OF_MJCF);
             }
-            _ => files.text = mutated(&mut random, &files.text, &WORDS),
+            _ => files.text = mutated(&mut random, &files.text, &OF_MJCF),
         }
         for strict in [false, true] {
             match files.read(&MjcfOptions { strict, gravity: None }) {

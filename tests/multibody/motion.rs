@@ -267,7 +267,7 @@ fn momentum_of_a_free_tree_is_constant_to_the_order_of_the_method_over_1e5_steps
 }
 
 #[test]
-#[ignore = "ten seconds: run by `make studies`"]
+#[ignore = "long form of `momentum_of_a_free_tree_is_constant_to_the_order_of_the_method_over_1e5_steps`, 7 s: `make studies` runs it"]
 fn momentum_of_a_free_tree_is_constant_to_the_order_of_three_methods_over_1e5_steps() {
     keep_momentum_to_their_order(&[(Method::Heun, 4e-4, 2), (Method::Rkmk, 4e-3, 4), (Method::Cf4, 4e-3, 4)]);
 }

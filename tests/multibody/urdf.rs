@@ -481,36 +481,28 @@ fn hostile_documents_cost_neither_stack_nor_time() {
     assert!(found.to_string().len() < 200);
 }
 
-/// Words that a mutation may put anywhere.
-const WORDS: [&str; 24] = [
-    "nan",
-    "-inf",
-    "1e308",
-    "-1",
-    "0",
-    "\"",
+/// What may be put anywhere in any document.
+const OF_ANY: [&str; 12] =
+    ["nan", "-inf", "1e308", "-1", "0", "\"", "<", "/>", "&#0;", "<!--", "<![CDATA[", "\u{1F938}"];
+
+/// What may be put anywhere in a document of this format.
+const OF_URDF: [&str; 12] = [
     "'",
-    "<",
-    "/>",
     "</link>",
     "<link name=\"a\"/>",
     "&amp;",
-    "&#0;",
-    "<!--",
     "-->",
-    "<![CDATA[",
     "planar",
     "floating",
     "mimic",
     "<inertial/>",
     "quat_xyzw=\"0 0 0 0\"",
-    "\u{1F938}",
     "xmlns:a=\"b\"",
     "type=\"fixed\"",
 ];
 
-/// A text with one or two changes, of which some put in a word.
-pub(crate) fn mutated(random: &mut Random, text: &str, words: &[&str]) -> String {
+/// A text with one or two changes, of which some put in a word of any document or of this format.
+pub(crate) fn mutated(random: &mut Random, text: &str, of_format: &[&str]) -> String {
     let mut bytes = text.as_bytes().to_vec();
     for _ in 0..=random.below(2) {
         let at = random.below(bytes.len());
@@ -531,6 +523,7 @@ pub(crate) fn mutated(random: &mut Random, text: &str, words: &[&str]) -> String
                 }
             }
             _ => {
+                let words = if random.below(2) == 0 { &OF_ANY } else { of_format };
                 let word = words[random.below(words.len())];
                 bytes.splice(at..at, word.bytes());
             }
@@ -555,7 +548,7 @@ fn a_hundred_thousand_mutated_documents_are_read_or_refused() {
     let (mut accepted, mut refused) = (0, 0);
     for seed in 0..100_000_u64 {
         let mut random = Random::new(seed);
-        let text = mutated(&mut random, &seeds[(seed % 3) as usize], &WORDS);
+        let text = mutated(&mut random, &seeds[(seed % 3) as usize], &OF_URDF);
         let base = [Base::Fixed, Base::Planar, Base::Free][random.below(3)];
         let strict = random.below(2) == 0;
         let outcome = std::panic::catch_unwind(|| {
@@ -731,7 +724,7 @@ fn a_thousand_damaged_robots_end_no_process() {
     let (mut accepted, mut refused) = (0, 0);
     for seed in 0..1000 {
         let mut random = Random::new(1_000_000 + seed);
-        let text = mutated(&mut random, HAND, &WORDS);
+        let text = mutated(&mut random, HAND, &OF_URDF);
         for strict in [false, true] {
             match read_as(&text, &UrdfOptions { strict, base: Base::Free, ..UrdfOptions::default() }) {
                 Err(error) => {

@@ -169,7 +169,7 @@ fn double_pendulum() -> Model {
 }
 
 #[test]
-#[ignore = "ten seconds: run by `make studies`"]
+#[ignore = "Gauss–Newton steps from a straight line, of which `other_cart_pendulums_are_solved_from_straight_lines` is the short form, 10 s: `make studies` runs it"]
 fn a_double_pendulum_on_a_cart_is_swung_up_from_a_straight_line() {
     let model = double_pendulum();
     let split = Split::new(vec![true, false, false]);
@@ -192,7 +192,7 @@ fn exact_hessians_swing_a_double_pendulum_up() {
 }
 
 #[test]
-#[ignore = "ten seconds: run by `make studies`"]
+#[ignore = "long form of `exact_hessians_swing_a_double_pendulum_up`, 10 s: `make studies` runs it"]
 fn exact_hessians_swing_a_double_pendulum_up_over_horizons_and_segments() {
     swing_up_with_exact_hessians(&[(1.6, 20), (2.0, 40)]);
 }

@@ -266,6 +266,13 @@ solved = double.solve(tol=1e-3, n_intervals=4, n_points=3, max_meshes=2, max_ite
 solved.state([0.1, 0.2])
 solved.costate([0.1, 0.2])
 solved.control(0.1)
+thrown = ocp.ControlProblem(
+    lambda x, u, t: [u[0] - x[0] * t], 1, 1, initial={"x0": 0.0}, final=[1.0], duration=(0.5, 2.0), start_time=0.5,
+    bounds={"u0": (-3.0, 3.0)}, running_cost=lambda x, u: u[0] ** 2, end_cost=lambda x, t: t,
+    path=[(lambda x: x[0], None, 2.0)], ends=[(lambda x_0, x_f: x_f - x_0, 0.0, 2.0)],
+    integrals=[(lambda x: x[0], None, 2.0)], scales={"x0": 1.0, "u0": 1.0},
+)  # fmt: skip
+thrown.solve({"x0": [0.0, 1.0]}, tol=1e-3, n_intervals=4, n_points=3, max_meshes=2, max_iterations=20)
 ocp.MultiphaseProblem([double], None).solve(tol=1e-3, n_intervals=4, max_iterations=10)
 ocp.MultiphaseProblem([double, double], [(None, None)])
 
@@ -390,7 +397,7 @@ comparison = motion.GroupComparison({"a": [fitted], "b": [fitted]}, "marker_erro
 comparison.series("a")
 comparison.bands()
 motion.normalize_frames(stamps, np.zeros(20), 10)
-motion.turns_about(spatial.model, still)
+motion.somersaults(spatial.model, still)
 performances = [
     motion.Performance(
         stamps,
@@ -428,6 +435,23 @@ judged = made.judged_set()
 judged.save("judged")
 motion.read_judged("judged/judged.csv", longest_gap=0.1)
 judged.performances()
+
+
+# Traced functions
+ExpressionGraph = somersault._somersault.expr.ExpressionGraph
+CompiledFunction = somersault._somersault.expr.CompiledFunction
+graph = ExpressionGraph()
+angle, rate = graph.input(), graph.input()
+product = graph.apply("multiply", [graph.apply("sin", [angle]), graph.constant(2.0)])
+graph.value(product)
+compiled = CompiledFunction(graph, [("angle", []), ("rate", [1])], [product, rate])
+compiled.insert_into(graph, [rate, angle])
+compiled.values([0.1, 0.2])
+compiled.jacobian([[0.1, 0.2], [0.3, 0.4]])
+compiled.hessian([0.1, 0.2, 1.0, 1.0])
+compiled.jacobian_pattern()
+compiled.hessian_pattern()
+compiled.derivative("angle")
 
 
 # Sweeps, files, pages

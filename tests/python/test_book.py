@@ -118,7 +118,8 @@ def test_notebooks_run_from_a_clean_kernel(path: Path, monkeypatch: pytest.Monke
     skip_without("\n".join(cell.source for cell in notebook.cells))
     nbformat.validate(notebook)
     stored = _shown(notebook)
-    nbclient.NotebookClient(notebook, timeout=120, kernel_name="python3").execute()
+    resources = {"metadata": {"path": str(path.parent)}}
+    nbclient.NotebookClient(notebook, timeout=120, kernel_name="python3", resources=resources).execute()
     # digits and pixels differ from machine to machine; whether a cell shows something does not
     assert _shown(notebook) == stored, "`make notebooks` runs it again"
 

@@ -29,6 +29,8 @@ def test_the_double_integrator_is_its_closed_form() -> None:
     np.testing.assert_allclose(
         found.state(t), np.column_stack([3 * t**2 - 2 * t**3, 6 * t - 6 * t**2]), atol=1e-8
     )
+    assert found.q is not None and found.v is not None
+    np.testing.assert_array_equal(np.column_stack([found.q, found.v]), found.x)
     np.testing.assert_allclose(found.control(t)[:, 0], 6 - 12 * t, atol=1e-6)
     np.testing.assert_allclose(found.costate(t), np.column_stack([-12 + 0 * t, -6 + 12 * t]), atol=1e-6)
     np.testing.assert_allclose(found.hamiltonian, -18.0, atol=1e-6)

@@ -34,6 +34,16 @@ def test_the_examples_pass_their_schemas_and_run(tmp_path: Path, capsys: pytest.
     assert list(columns) == ["t", "q0", "q1", "v0", "v1"]
 
 
+def test_a_page_plays_the_motion(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    for name in ("ball.toml", "arm.json"):
+        page = tmp_path / f"{name}.html"
+        out = ("--out", str(tmp_path / "curves.csv"))
+        assert main(["integrate", str(EXAMPLES / name), *out, "--html", str(page)]) == 0
+        assert "<html" in page.read_text("utf-8")
+    assert main(["integrate", str(EXAMPLES / "ball.toml"), "--html", str(tmp_path / "a.gif")]) == 2
+    assert "the name of a page must end in .html" in capsys.readouterr().err
+
+
 def test_outputs_hold_the_same_numbers(tmp_path: Path) -> None:
     pyarrow = pytest.importorskip("pyarrow.parquet", reason="pyarrow is not installed (extra `parquet`)")
     paths = [tmp_path / f"ball.{kind}" for kind in ("csv", "json", "parquet")]

@@ -6,11 +6,13 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import somersault
 from somersault import errors, multibody, ocp
 
 Array = NDArray[np.float64]
@@ -405,6 +407,15 @@ class TestForwardTwisting:
         assert solved.success and solved.momentum == pytest.approx(twisting.momentum, rel=1e-6)
         back = other.replace(twists=2)
         assert back.postures == twisting.dive.postures and back.template == twisting.dive.template
+
+    def test_the_stored_dive_of_the_notebook_is_this_one(self, twisting: ocp.DiveSolution) -> None:
+        path = Path(__file__).parents[2] / "python" / "notebooks" / "dive_5174d.som"
+        stored = somersault.load(path)
+        np.testing.assert_allclose(
+            stored.z, twisting.z, atol=1e-4, err_msg="`make notebooks` stores it again"
+        )
+        assert stored.dive.options == twisting.dive.options
+        assert stored.momentum == pytest.approx(twisting.momentum, rel=1e-8) and stored.confirmed
 
     def test_rates_are_those_of_the_angles(self, twisting: ocp.DiveSolution) -> None:
         for angle, rate in (

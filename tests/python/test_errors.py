@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import somersault
-from somersault import RigidBody, State, errors, forces, integrate
+from somersault import RigidBody, State, errors, forces, integrate, multibody
 
 BODY = RigidBody.box(1.0, (0.2, 0.4, 0.6))
 START = State(angular_velocity=(1.0, 2.0, 3.0))
@@ -146,6 +146,11 @@ def test_choices_name_what_is_allowed() -> None:
 
 def test_bodies_and_states_must_match() -> None:
     raises(errors.InputError, "`body` must be a RigidBody", lambda: run(body=3))
+    raises(errors.InputError, "found the class Gravity", lambda: run(forces=forces.Gravity))
+    raises(errors.InputError, "found a tuple of length 3", lambda: run(forces=lambda *_: (0.0, 0.0, 1.0)))
+    tree = multibody.two_link_arm()
+    raises(errors.InputError, "integrated by `multibody.integrate_tree`", lambda: run(body=tree))
+    raises(errors.InputError, "did you mean `rk4`?", lambda: run(method="RK4"))
     raises(errors.InputError, "`body` must hold at least one", lambda: run(body=[], state=[]))
     raises(errors.InputError, "`state` must be a State, found a list", lambda: run(state=[START]))
     raises(errors.InputError, "must be a sequence of 2 states", lambda: run(body=[BODY, BODY], state=[START]))

@@ -3,7 +3,9 @@
 import doctest
 import importlib
 import inspect
+import tempfile
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -79,8 +81,9 @@ EXAMPLES = dict(documented())
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_examples_hold(name: str) -> None:
+def test_examples_hold(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     mpl.use("Agg")
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     example = doctest.DocTestParser().get_doctest(EXAMPLES[name], {"__name__": "example"}, name, None, 0)
     try:
         assert doctest.DocTestRunner().run(example).failed == 0

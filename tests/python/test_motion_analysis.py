@@ -156,7 +156,7 @@ class TestGroups:
 
     def test_somersaults_are_counted(self) -> None:
         q = self.best[0].q
-        turns = motion.turns_about(multibody.diver_planar().model, q)
+        turns = motion.somersaults(multibody.diver_planar().model, q)
         assert turns is not None
         np.testing.assert_allclose(turns, -(q[:, 2] - q[0, 2]) / (2 * np.pi))
         spatial = multibody.diver_spatial()
@@ -165,11 +165,11 @@ class TestGroups:
         somersault = np.array(
             [spatial.model.displace(spatial.configuration("A"), x * v) for x in np.linspace(0, 9, 20)]
         )
-        turns = motion.turns_about(spatial.model, somersault)
+        turns = motion.somersaults(spatial.model, somersault)
         assert turns is not None and turns[-1] == pytest.approx(9 / (2 * np.pi), rel=1e-12)
-        assert motion.turns_about(multibody.two_link_arm(), [[0.0, 0.0]]) is None
+        assert motion.somersaults(multibody.two_link_arm(), [[0.0, 0.0]]) is None
         still = multibody.Model([multibody.Link("post", "fixed")])
-        assert motion.turns_about(still, np.zeros((2, 0))) is None
+        assert motion.somersaults(still, np.zeros((2, 0))) is None
         with pytest.raises(errors.InputError, match="`model` must have joints that move"):
             motion.SyntheticFlight(still, np.arange(6.0), np.zeros((6, 0)))
 
@@ -192,7 +192,7 @@ class TestGroups:
         with pytest.raises(errors.InputError, match="one kind of model"):
             motion.GroupComparison({"a": [*self.best, other]}, "scale")
         with pytest.raises(errors.InputError, match="`q` must have 12 columns"):
-            motion.turns_about(multibody.diver_planar().model, np.zeros((2, 5)))
+            motion.somersaults(multibody.diver_planar().model, np.zeros((2, 5)))
 
     def test_motions_without_markers_have_nothing_to_compare(self) -> None:
         fit = self.best[0].fit

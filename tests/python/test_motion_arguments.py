@@ -149,7 +149,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
         {"format": "bvh", "unit": "m", "up": "y", "forward": "z", "nan_is_gap": True, "diver": DIVER},
     ),
     "spearman": (motion.spearman, {"x": SCORES, "y": SCORES}),
-    "turns_about": (motion.turns_about, {"model": DIVER.model, "q": Q}),
+    "somersaults": (motion.somersaults, {"model": DIVER.model, "q": Q}),
     "validate": (
         motion.validate,
         {

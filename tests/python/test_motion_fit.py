@@ -180,6 +180,7 @@ class TestFits:
         present[2] = False
         fit = motion.MarkerFit(markers).fit(motion.MarkerRecording(seen.names, t, seen.points, present))
         assert fit.status[2] == "no_markers" and fit.converged and not fit.success
+        assert fit.message.startswith("1 of 4 frames: no markers; not determined by the markers: scale,")
         assert set(fit.unknown_status[2]) == {"undetermined"}
         assert np.isnan(fit.frame_rms[2]) and fit.covariance(2) is None
         np.testing.assert_array_equal(fit.q[2], fit.q[1])
@@ -194,6 +195,8 @@ class TestFits:
         names = [name for name in seen.names if not name.startswith("hand")]
         fit = motion.MarkerFit(markers, scale=1.0, noise=0.001).fit(seen.select(names))
         assert fit.converged and not fit.success and fit.status == ["converged"] * 4
+        assert fit.message == "not determined by the markers: hand"
+        assert motion.MarkerFit(markers).fit(seen).message == "converged, and every unknown is determined"
         assert fit.unknowns[:4] == ("scale", "torso 0", "torso 1", "torso 2")
         for i, statuses in enumerate(fit.unknown_status):
             found = dict(zip(fit.unknowns, statuses, strict=True))

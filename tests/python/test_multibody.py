@@ -364,7 +364,9 @@ def test_bad_arrays_are_named(model: Model, state: tuple[Array, Array, Array]) -
 
 def test_bad_bodies_and_splits_are_named(model: Model, state: tuple[Array, Array, Array]) -> None:
     q, v, a = state
-    raises(errors.InputError, "no body is named `nobody`", lambda: model.body("nobody"))
+    raises(
+        errors.InputError, "no body is named `nobody`; the bodies are b0, b1, ", lambda: model.body("nobody")
+    )
     close = f"{model.names[1]}s"
     raises(errors.InputError, f"; did you mean `{model.names[1]}`?", lambda: model.body(close))
     raises(errors.InputError, "body number 99 does not exist", lambda: model.jacobian(q, 99))
@@ -465,8 +467,16 @@ def test_trees_come_from_urdf_and_go_there(tmp_path: Path) -> None:
     again = Model.read_urdf(str(path), base="free")
     q = humanoid.random(1)
     np.testing.assert_allclose(again.mass_matrix(q), humanoid.mass_matrix(q), atol=1e-13)
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(FileNotFoundError, match=r"nowhere\.urdf"):
         Model.read_urdf(tmp_path / "nowhere.urdf")
+    with pytest.raises(errors.ReadError, match=r"found 'arm\.urdf'; a file is read by `read_urdf`"):
+        Model.from_urdf("arm.urdf")
+    path.write_bytes(b"<robot name='\xff'/>")
+    with pytest.raises(errors.ReadError, match=r"again\.urdf: not UTF-8"):
+        Model.read_urdf(path)
+    path.write_text("<robot/>", encoding="utf-8")
+    with pytest.raises(errors.ReadError, match=r"again\.urdf: the robot has no link"):
+        multibody.Robot.read_urdf(path)
     for bad, message in [
         ("<robot", "not a readable XML document"),
         ('<!DOCTYPE r [<!ENTITY a "b">]><robot name="r"/>', "not a readable XML document"),
@@ -501,7 +511,7 @@ def test_robots_are_read_with_their_repairs_and_geometry(tmp_path: Path) -> None
     assert (robot.name, robot.model.n_velocities, repr(robot)) == (
         "gripper",
         1,
-        "<Robot 'gripper': 3 bodies, 1 repairs>",
+        "<Robot 'gripper': 3 bodies, 1 repair>",
     )
     assert robot.repairs[0].startswith("link `palm` (line 2) cannot have the principal moments [")
     np.testing.assert_allclose(robot.model.links[0].inertia, np.diag((1.5, 2.5, 4.0)), atol=1e-15)
@@ -593,8 +603,10 @@ def test_files_of_mjcf_include_those_beside_them(tmp_path: Path) -> None:
     raises(errors.ReadError, "the text of this file is not given", lambda: Robot.from_mjcf(text))
     (tmp_path / "alone.xml").write_text(text, encoding="utf-8")
     raises(errors.ReadError, "includes `parts/", lambda: Robot.read_mjcf(tmp_path / "alone.xml"))
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(FileNotFoundError, match=r"nowhere\.xml"):
         Robot.read_mjcf(tmp_path / "nowhere.xml")
+    with pytest.raises(errors.ReadError, match="a file is read by `read_mjcf`"):
+        Model.from_mjcf("humanoid.xml")
 
 
 def test_a_joint_follows_another() -> None:
@@ -635,6 +647,15 @@ def test_divers_have_their_tables_and_postures() -> None:
     assert (spatial.mass, spatial.height) == (60.0, 1.65)
     assert planar.postures == ("A", "B", "F", "G", "H")
     assert spatial.postures == tuple("ABCDEFGHI")
+    tuck = spatial.configuration("F")
+    angles = spatial.angles(tuck)
+    assert tuple(angles) == spatial.dof_names[6:] and angles["right_knee"].shape == ()
+    np.testing.assert_array_equal(list(angles.values()), tuck[7:])
+    for link, body in (("right_knee", "right_shank"), ("left_elbow", "left_forearm")):
+        assert angles[link] == tuck[spatial.model.positions_of(body)]
+    both = np.stack([planar.configuration("A"), planar.configuration("H")])
+    np.testing.assert_array_equal(list(planar.angles(both).values()), both[:, 3:].T)
+    raises(errors.InputError, "`q` must be real numbers of shape (12,)", lambda: planar.angles(tuck))
     again = pickle.loads(pickle.dumps(spatial))
     assert again.model == spatial.model
     raises(errors.InputError, "no posture is named `Z`", lambda: planar.configuration("Z"))

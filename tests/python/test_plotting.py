@@ -1,5 +1,6 @@
 """Figures: what is drawn, not how it looks."""
 
+import itertools
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 
 import somersault
-from somersault import plotting, studies
+from somersault import multibody, plotting, studies
 
 mpl.use("Agg")
 
@@ -48,6 +49,23 @@ def test_stability_regions_are_closed_curves_and_shared_ones_are_drawn_once() ->
     assert legend is not None
     assert [text.get_text() for text in legend.get_texts()] == ["Euler  (3.14)", "MP, Heun  (5.87)"]
     assert "lambda_R" in ax.get_xlabel()
+
+
+def test_labels_stand_at_the_ends_of_their_lines_and_apart() -> None:
+    ax = plt.figure(figsize=(5.0, 4.0), layout="constrained").add_subplot()
+    for end, label in ((1.0, "high"), (0.02, "low"), (0.01, "lower"), (0.0, "_unnamed"), (np.nan, "gone")):
+        ax.semilogy([0.0, 1.0, 2.0], [0.5, 0.5, end], label=label)
+    plotting.label_ends(ax)
+    labels = {text.get_text(): text for text in ax.texts}
+    assert set(labels) == {"high", "low", "lower", "gone"}
+    ax.figure.draw_without_rendering()
+    boxes = [labels[name].get_window_extent() for name in ("lower", "low", "gone", "high")]
+    assert all(above.y0 >= below.y1 for below, above in itertools.pairwise(boxes))
+    for name, end in (("high", 1.0), ("gone", 0.5), ("lower", 0.01)):
+        line = next(line for line in ax.lines if line.get_label() == name)
+        assert labels[name].get_color() == line.get_color()
+        place = ax.transAxes.inverted().transform(ax.transData.transform((0.0, end)))[1]
+        assert labels[name].get_position()[1] == pytest.approx(place, abs=0.03)
 
 
 def test_energy_ratios_point_to_what_is_beyond() -> None:
@@ -94,6 +112,36 @@ def test_a_motion_has_four_panels(motion: somersault.Solution) -> None:
     assert axes[-1].get_xlabel() == "time, s"
 
 
+def test_joints_of_a_tree_are_drawn_over_time() -> None:
+    cart = multibody.cart_pendulum()
+    swing = multibody.integrate_tree(cart, [0.0, 0.1], [0.0, 0.0], (0.0, 1.0), dt=0.1)
+    ax = plotting.tree_motion(swing)
+    assert ax.get_ylabel() == "travel, m; angle, rad"
+    np.testing.assert_array_equal([np.ravel(line.get_ydata()) for line in ax.lines], swing.q.T)
+    (line,) = plotting.tree_motion(swing, ["pendulum"]).lines
+    assert line.get_label() == "pendulum"
+    diver = multibody.diver_planar()
+    markers = somersault.motion.MarkerSet.joint_centres(diver.model)
+    seen = somersault.motion.place_markers(markers, [0.0], [diver.configuration("A")])
+    fit = somersault.motion.MarkerFit(markers).fit(seen)
+    assert len(plotting.tree_motion(fit).lines) == 9
+    with pytest.raises(somersault.InputError, match="cart, pendulum, found 'pole'"):
+        plotting.tree_motion(swing, ["pole"])
+
+
+def test_what_is_drawn_otherwise_is_refused(
+    motion: somersault.Solution, body: somersault.RigidBody, state: somersault.State
+) -> None:
+    cart = multibody.cart_pendulum()
+    swing = multibody.integrate_tree(cart, [0.0, 0.1], [0.0, 0.0], (0.0, 1.0), dt=0.1)
+    with pytest.raises(somersault.InputError, match="found a TreeSolution; `tree_motion` draws trees"):
+        plotting.body_motion(swing)  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match="must hold the motion of a tree, found a Solution"):
+        plotting.tree_motion(motion)
+    with pytest.raises(somersault.InputError, match="`contacts` must be given"):
+        plotting.gaps(somersault.exact.FreeBody(body, state)([0.0, 1.0]))
+
+
 def test_a_polhode_lies_on_the_sphere(motion: somersault.Solution) -> None:
     ax = plotting.polhode([motion, motion])
     assert len(ax.lines) > 4
@@ -121,7 +169,7 @@ def test_gaps_show_the_events() -> None:
     run = somersault.integrate(
         ball.body, ball.state, (0.0, 0.5), dt=1e-3, forces=ball.forces, contacts=ball.contacts
     )
-    gap, force = plotting.gaps(run, ball.contacts)
+    gap, force = plotting.gaps(run)
     labels = [text.get_text() for text in gap.get_legend().get_texts()]  # type: ignore[union-attr]
     assert labels == ["contact 0", "touch-down", "release"]
     touching = [event for event in run.events if event.kind == "touch_down"]

@@ -99,6 +99,9 @@ def test_the_formulas_of_the_crates_become_mathml_in_the_book() -> None:
             assert drawn.startswith("<div><math") and "\\" not in drawn, path
             count += 1
     assert count >= 9
+    for latex, unknown in ((r"\begin{aligned} a &= b \end{aligned}", "&"), (r"\arg x", r"\\arg")):
+        with pytest.raises(ValueError, match=f"^{unknown} is not drawn, in "):
+            formulas.mathml(latex, "block")
 
 
 @pytest.mark.parametrize("crate", CRATES, ids=NAMES)

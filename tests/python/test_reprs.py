@@ -185,6 +185,7 @@ def invert(x: float) -> float:
 MADE: dict[str, Callable[[], Any]] = {
     # bodies and their motions
     "RigidBody": lambda: BODY,
+    "Function": lambda: somersault.expr.Function(lambda x, u: x * u, x=(7, 3), u=()),
     "State": lambda: STATE,
     "Solution": run,
     "Trajectory": lambda: run().sol(TIMES * 0.1),
@@ -233,6 +234,7 @@ MADE: dict[str, Callable[[], Any]] = {
     "CartPendulumProblem": ocp.CartPendulumProblem,
     "CollocationProblem": block,
     "CollocationResult": moved,
+    "ControlProblem": lambda: ocp.ControlProblem(lambda x, u: u, states=1, controls=1, final=[1]),
     "Constraint": lambda: ocp.Constraint(
         ocp.entries("torque"), [-1 / 3] * 90, [1 / 3] * 90, at="node", node=3
     ),

@@ -262,6 +262,9 @@ def test_other_files_are_refused(tmp_path: Path, tumble: somersault.Solution) ->
     path = tmp_path / "a"
     with pytest.raises(FileNotFoundError):
         somersault.load(path)
+    with pytest.raises(FileNotFoundError) as caught:
+        somersault.save(tmp_path / "nowhere" / "a.som", tumble)
+    assert str(caught.value).endswith(f"{str(tmp_path / 'nowhere' / 'a.som')!r}")
     path.write_text("t,x\n")
     with pytest.raises(ReadError, match="is not a somersault file"):
         somersault.load(path)

@@ -64,9 +64,15 @@ class Reader(HTMLParser):
             self.cells[-1] += data
 
 
+#: 5174D as `TestForwardTwisting` finds it, which the notebook loads too.
+DIVE = Path(__file__).parents[2] / "python" / "notebooks" / "dive_5174d.som"
+
+
 @pytest.fixture(scope="module")
 def measurements() -> tour.Measurements:
-    return tour.Measurements(tour.REDUCED)
+    made = tour.Measurements(tour.REDUCED)
+    made.twisting = somersault.load(DIVE), 10.0
+    return made
 
 
 @pytest.fixture(scope="module")

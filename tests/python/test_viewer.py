@@ -162,6 +162,10 @@ def test_a_notebook_shows_the_page_in_a_frame() -> None:
 
 def test_animate_writes_a_page_in_one_line(tmp_path: Path, tumble: somersault.Solution) -> None:
     assert viewer.animate(tumble, path=tmp_path / "box.html", label="a box").stat().st_size < 100_000
+    with pytest.raises(somersault.InputError, match="a path is given by its name, `path=`"):
+        viewer.animate(tumble, tmp_path / "box.html")  # type: ignore[arg-type]
+    with pytest.raises(somersault.InputError, match=r"in \.html, found 'box\.gif'; `export` writes films"):
+        viewer.Scene().add(tumble).write(tmp_path / "box.gif")
 
 
 @pytest.mark.parametrize(

@@ -59,7 +59,7 @@ fn every_method_stays_on_the_group_for_a_hundred_thousand_steps() {
 }
 
 #[test]
-#[ignore = "minutes: run by `make studies`"]
+#[ignore = "long form of `every_method_stays_on_the_group_for_a_hundred_thousand_steps`, minutes: `make studies` runs it"]
 fn every_method_stays_on_the_group_for_ten_million_steps() {
     stays_on_the_group(10_000_000);
 }

@@ -1,5 +1,6 @@
 //! Rigid bodies and the methods that move them. One program, so that what all of them use is compiled once.
 
+mod allocation;
 mod bad_input;
 mod batch;
 mod conservation;
@@ -9,3 +10,8 @@ mod implicit;
 mod moser_veselov;
 mod orders;
 mod thesis_tables;
+
+use somersault_testkit::allocations::Counting;
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from somersault import multibody, ocp, viewer
+from somersault import multibody, ocp, plotting, viewer
 from tour import thesis
 from tour.measurements import Measurements
 from tour.page import Cell, Page, error_size, power, words
@@ -40,7 +40,7 @@ def _panels(t: Array, rows: Sequence[tuple[Array, Sequence[str], str]]) -> Axes:
     """Curves over time, one panel for each group."""
     import matplotlib.pyplot as plt
 
-    figure = plt.figure(figsize=(8.0, 2.6 * len(rows) + 0.4), layout="constrained")
+    figure = plt.figure(figsize=(6.4, 2.6 * len(rows) + 0.4), layout="constrained")
     axes = figure.subplots(len(rows), 1, sharex=True, squeeze=False)[:, 0]
     for ax, (values, names, label) in zip(axes, rows, strict=True):
         for column, name, colour in zip(values.T, names, _COLOURS, strict=False):
@@ -48,7 +48,7 @@ def _panels(t: Array, rows: Sequence[tuple[Array, Sequence[str], str]]) -> Axes:
         ax.set_ylabel(label)
         ax.grid(color="0.92")
         ax.margins(x=0)
-        ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+        plotting.label_ends(ax)
     axes[-1].set_xlabel("time, s")
     drawn: Axes = axes[0]
     return drawn
@@ -58,7 +58,7 @@ def _hamiltonians(results: dict[float, ocp.CollocationResult]) -> Axes:
     """Hamiltonian over time for several tolerances."""
     import matplotlib.pyplot as plt
 
-    figure = plt.figure(figsize=(8.0, 5.0), layout="constrained")
+    figure = plt.figure(figsize=(6.4, 5.0), layout="constrained")
     axes = figure.subplots(2, 1, sharex=True)
     finest = results[min(results)]
     level = float(np.median(finest.hamiltonian))
@@ -66,16 +66,16 @@ def _hamiltonians(results: dict[float, ocp.CollocationResult]) -> Axes:
         results.items(), (_COLOURS[2], "#c1121f", _COLOURS[0]), strict=True
     ):
         label = f"tolerance {power(tolerance)}"
-        axes[0].plot(result.t[:-1], result.hamiltonian, color=colour, lw=1.2, label=label)
+        axes[0].plot(result.t[:-1], result.hamiltonian, color=colour, lw=1.2)
         away = np.maximum(np.abs(result.hamiltonian - level), 1e-13)
-        axes[1].semilogy(result.t[:-1], away, color=colour, lw=1.0)
+        axes[1].semilogy(result.t[:-1], away, color=colour, lw=1.0, label=label)
     axes[0].set_ylabel("Hamiltonian")
     axes[1].set_ylabel("distance from\nits median")
     axes[1].set_xlabel("time, s")
-    axes[0].legend(frameon=False)
     for ax in axes:
         ax.grid(color="0.92")
         ax.margins(x=0)
+        plotting.label_ends(ax)
     drawn: Axes = axes[0]
     return drawn
 
@@ -160,8 +160,8 @@ def write(page: Page, measurements: Measurements) -> None:
         _panels(
             t,
             [
-                (x[:, :2], _STATES[:2], "rad"),
-                (x[:, 2:], _STATES[2:], "rad/s"),
+                (x[:, :2], _STATES[:2], "angles, rad"),
+                (x[:, 2:], _STATES[2:], "rates, rad/s"),
                 (costates[:, :2], _COSTATES[:2], "costates of angles"),
                 (costates[:, 2:], _COSTATES[2:], "costates of rates"),
             ],
@@ -173,7 +173,8 @@ def write(page: Page, measurements: Measurements) -> None:
     page.figure(
         "arm-torques",
         _panels(t, [(folded.control(t), ("u₁", "u₂"), "torque, N m")]),
-        "Figure 8.5: torques.",
+        "Figure 8.5: torques. That of the wall falls steadily and brakes in the second half; that of the"
+        " elbow acts at both ends, where the second link folds and unfolds.",
         "Two curves over ten seconds",
     )
     rows: list[list[str | Cell]] = []

@@ -63,7 +63,7 @@ def _section(measurements: Measurements) -> Axes:
     ax.plot(*(1e3 * centre), "o", color="0.1", ms=4)
     tip = 1e3 * (centre - length * axis)
     ax.annotate(
-        f"tip, {tip[1]:.1f} mm above the ground",
+        f"tip, {tip[1]:.1f} mm\nabove the ground",
         tip,
         (tip[0] + 14, 6),
         arrowprops={"arrowstyle": "-", "color": "0.5"},
@@ -92,7 +92,7 @@ def _scene(measurements: Measurements) -> viewer.Scene:
 
 
 def _rendered(measurements: Measurements) -> Axes:
-    """Thesis Figure 7.4: the top at a few times, and the ways of its centre and its tip."""
+    """Thesis Figure 7.4: the top at a few times, and the paths of its centre and its tip."""
     import matplotlib.pyplot as plt
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
@@ -129,8 +129,9 @@ def _figure_7_5(page: Page, measurements: Measurements) -> None:
         axes = plt.figure(figsize=(10.5, 8.0), layout="constrained").subplots(2, 2, sharex=True)
         for ax, quantity in zip(axes.flat, QUANTITIES, strict=True):
             plotting.work_precision_diagram(measurements.top_runs[located], quantity, ax=ax)
-            if quantity != "angular_velocity":
-                ax.get_legend().remove()
+            ax.get_legend().remove()
+        figure = axes[0, 0].figure
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=6)
         page.figure(
             f"top-{'located' if located else 'thesis'}",
             axes[0, 0],
@@ -178,7 +179,7 @@ def write(page: Page, measurements: Measurements) -> None:
     page.figure(
         "top-rendered",
         _rendered(measurements),
-        "Figure 7.4: the top at the start, after half a second and after one, with the ways of its tip"
+        "Figure 7.4: the top at the start, after half a second and after one, with the paths of its tip"
         " (red) and of its centre (blue). Without friction the centre stays above one point.",
         "A leaning disk at three times with a circle of loops below",
     )

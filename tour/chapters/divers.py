@@ -19,7 +19,8 @@ Array = NDArray[np.float64]
 
 TITLE = "Divers and their postures"
 
-_POSTURES = {
+#: The postures of thesis Figure 2.2, by their letters.
+POSTURES = {
     "A": "layout, arms overhead",
     "B": "layout, arms at the sides",
     "C": "layout, arms sideways",
@@ -48,20 +49,14 @@ def _drawn(diver: multibody.Diver, views: tuple[str, ...]) -> Axes:
     import matplotlib.pyplot as plt
 
     postures = diver.postures
-    figure = plt.figure(figsize=(1.45 * len(postures), 2.4 * len(views)), layout="constrained")
+    figure = plt.figure(figsize=(1.1 * len(postures), 1.6 * len(views)), layout="constrained")
     axes = figure.subplots(len(views), len(postures), sharex=True, sharey="row", squeeze=False)
     for row, view in zip(axes, views, strict=True):
         for ax, posture in zip(row, postures, strict=True):
             plotting.tree_configuration(diver.model, diver.configuration(posture), view, ax=ax)
-            ax.set(xlabel="", ylabel="")
-            ax.set_xticks([])
-            ax.grid(axis="y", color="0.92")
-            ax.set_axisbelow(True)
-            for side in ("top", "right", "bottom"):
-                ax.spines[side].set_visible(False)
-        row[0].set_ylabel(f"{view[1]}, m")
+            ax.set_axis_off()
     for ax, posture in zip(axes[0], postures, strict=True):
-        ax.set_title(posture)
+        ax.set_title(posture, fontsize=15)
     drawn: Axes = axes[0, 0]
     return drawn
 
@@ -76,7 +71,7 @@ def _scene(diver: multibody.Diver) -> viewer.Scene:
     for k, posture in enumerate(diver.postures):
         after = diver.configuration(posture)
         q += [before + blend * (after - before), np.tile(after, (14, 1))]
-        scene.caption(k, f"{posture}: {_POSTURES[posture]}")
+        scene.caption(k, f"{posture}: {POSTURES[posture]}")
         before = after
     rows = np.concatenate(q)
     t = np.arange(len(rows)) * (len(diver.postures) / len(rows))
@@ -95,7 +90,7 @@ def _table(page: Page, diver: multibody.Diver, caption: str) -> dict[str, Array]
         x, y, z = diver.model.center_of_mass(q)
         rows.append(
             [
-                words(f"{posture}: {_POSTURES[posture]}"),
+                words(f"{posture}: {POSTURES[posture]}"),
                 *(f"{round(1e3 * value, 1) + 0.0:.1f}".replace("-", "−") for value in (x, y, z)),
                 *(f"{value:.3f}" for value in moments),
                 f"{tensor[1, 1]:.3f}",

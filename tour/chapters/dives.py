@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
 from somersault import ocp, plotting, viewer
+from tour.chapters.divers import POSTURES
 from tour.measurements import Measurements
 from tour.page import Cell, Page, error_size, number, words
 
@@ -51,7 +52,7 @@ def _frames(dive: ocp.DiveSolution, count: int, view: str, n_rows: int, spacing:
             q[1] += offset - center[1]
         q[up] -= center[2]
         plotting.tree_configuration(model, q, view, ax=ax, colour="#ddcc77")
-        ax.text(offset, -1.35, f"{dive.t[node]:.2f} s", ha="center", va="top", fontsize=11)
+        ax.text(offset, -1.35, f"{dive.t[node]:.2f} s", ha="center", va="top", fontsize=13)
     for ax in axes:
         ax.set(xlim=(-0.6 * spacing, spacing * (columns - 0.4)), ylim=(-1.55, 1.25), xlabel="", ylabel="")
         ax.set_aspect("equal")
@@ -65,12 +66,22 @@ def _weights(dive: ocp.DiveSolution, ax: Axes) -> Axes:
     t = np.linspace(0.0, dive.duration, 600)
     weights = CubicHermiteSpline(dive.t, dive.channels, dive.channel_rates)(t)
     for name, weight in zip(dive.dive.postures[1:], weights.T, strict=True):
-        ax.plot(t, weight, color=_COLOURS[name], lw=1.8, label=name)
-    ax.set(xlabel="time, s", ylabel="weight", xlim=(0.0, dive.duration), ylim=(-0.04, 1.04))
+        ax.plot(t, weight, color=_COLOURS[name], lw=1.8)
+        # The first of the peaks, of which some are as high as others.
+        high = weight > 0.9 * weight.max()
+        first = int(high.argmax())
+        top = first + int(np.argmax(np.where(np.logical_and.accumulate(high[first:]), weight[first:], 0.0)))
+        ax.annotate(
+            name,
+            (t[top], weight[top]),
+            (0.0, 3.0),
+            textcoords="offset points",
+            color=_COLOURS[name],
+            ha="center",
+        )
+    ax.set(xlabel="time, s", ylabel="weight", xlim=(0.0, dive.duration), ylim=(-0.04, 1.16))
     ax.axhline(0.0, color="0.85", lw=0.8, zorder=0)
     ax.axhline(1.0, color="0.85", lw=0.8, zorder=0)
-    if len(dive.dive.postures) > 2:
-        ax.legend(frameon=False, ncols=5, loc="upper center", bbox_to_anchor=(0.5, 1.16))
     return ax
 
 
@@ -87,17 +98,17 @@ def _integral(rate: Array, t: Array) -> float:
 def _rates(dive: ocp.DiveSolution) -> Axes:
     """Figure 3.4 in numbers: rates of the angles, and projections of the angular velocity."""
     lateral, long = _projections(dive)
-    figure = plt.figure(figsize=(8.0, 4.6), layout="constrained")
+    figure = plt.figure(figsize=(6.4, 4.6), layout="constrained")
     top, bottom = figure.subplots(2, 1, sharex=True)
     for ax, rate, projection, name, colour in (
         (top, dive.somersault_rate, lateral, "somersault", "#228833"),
         (bottom, dive.twist_rate, long, "twist", "#4477aa"),
     ):
-        ax.plot(dive.t, rate / _TURN, color=colour, lw=1.9, label=f"rate of the {name}")
-        ax.plot(dive.t, projection / _TURN, color=colour, lw=1.2, ls="--", label="projection of ω")
+        ax.plot(dive.t, rate / _TURN, color=colour, lw=1.9, label=f"rate of\nthe {name}")
+        ax.plot(dive.t, projection / _TURN, color=colour, lw=1.2, ls="--", label="projection of\nω (dashed)")
         ax.axhline(0.0, color="0.85", lw=0.8, zorder=0)
         ax.set_ylabel("turns per second")
-        ax.legend(frameon=False)
+        plotting.label_ends(ax)
     bottom.set(xlabel="time, s", xlim=(0.0, dive.duration))
     drawn: Axes = top
     return drawn
@@ -105,13 +116,13 @@ def _rates(dive: ocp.DiveSolution) -> Axes:
 
 def _turns(dive: ocp.DiveSolution) -> Axes:
     """Somersaults, twists and tilt over weights."""
-    figure = plt.figure(figsize=(8.0, 5.4), layout="constrained")
+    figure = plt.figure(figsize=(6.4, 5.4), layout="constrained")
     top, bottom = figure.subplots(2, 1, sharex=True)
     top.plot(dive.t, dive.somersaults, color="#228833", lw=1.9, label="somersaults")
     top.plot(dive.t, dive.twists, color="#4477aa", lw=1.9, label="twists")
     top.plot(dive.t, dive.tilt / _TURN, color="#cc6677", lw=1.2, label="tilt")
     top.set_ylabel("turns")
-    top.legend(frameon=False, loc="upper left")
+    plotting.label_ends(top)
     _weights(dive, bottom)
     drawn: Axes = top
     return drawn
@@ -120,7 +131,7 @@ def _turns(dive: ocp.DiveSolution) -> Axes:
 def _scene(dive: ocp.DiveSolution, title: str) -> viewer.Scene:
     scene = viewer.Scene(title)
     for name, start, _ in dive.phases:
-        scene.caption(start, f"mostly {name}")
+        scene.caption(start, f"mostly {name}: {POSTURES[name]}")
     scene.add(dive)
     return scene.water(0.0).platform(dive.dive.options["platform"]).camera("corner").play(0.5)
 
@@ -222,12 +233,13 @@ def _pike(page: Page, dive: ocp.DiveSolution, seconds: float) -> None:
     _shown(page, _scene(dive, "107B"), "dive", "107B at half speed.")
     page.figure(
         "dive-frames",
-        _frames(dive, 14, "xz", 1),
-        "As Figure 3.2: equally spaced frames, each about its centre of mass (cross).",
+        _frames(dive, 14, "xz", 2),
+        "As Figure 3.2: equally spaced frames, left to right, top to bottom, each about its centre of mass"
+        " (cross).",
         "A diver leans forward, folds, turns over three and a half times and opens to enter hands first",
     )
     exit_ = dive.phases[-1][1]
-    ax = _weights(dive, plt.figure(figsize=(7.0, 2.8), layout="constrained").add_subplot())
+    ax = _weights(dive, plt.figure(figsize=(6.4, 2.8), layout="constrained").add_subplot())
     ax.axvline(exit_, color="0.6", lw=0.9, ls=":")
     page.figure(
         "dive-weight",
@@ -365,7 +377,8 @@ def _twisting(page: Page, dive: ocp.DiveSolution, seconds: float) -> None:
     page.figure(
         "twist-turns",
         _turns(dive),
-        "Somersaults, twists and tilt, and the weights that make them.",
+        "Somersaults, twists and tilt, and the weights that make them: the twists begin when one arm drops"
+        " (E) and end when it rises again; A has both arms overhead, H is the pike.",
         "Somersaults rise throughout, twists between throw and square-out alone; below, five weights",
     )
     page.figure(

@@ -31,14 +31,14 @@ def _string(page: Page) -> None:
     plucked = np.minimum(x / 0.3, (1.0 - x) / 0.7)
     base = ocp.EigenpostureBase(np.vstack((np.zeros_like(x), modes)))
     weights, rest = base.project(plucked)
-    figure = plt.figure(figsize=(8.0, 3.4), layout="constrained")
+    figure = plt.figure(figsize=(6.4, 3.4), layout="constrained")
     ax = figure.add_subplot()
     for weight, mode in zip(weights, modes, strict=True):
         ax.plot(x, weight * mode, color=_BLUE, lw=1.1, label="modes" if weight is weights[0] else None)
     ax.plot(x, plucked, color="0.7", lw=1.2, ls="--", label="plucked string")
     ax.plot(x, base.positions(weights), color="black", lw=2.0, label="sum of the modes")
     ax.lines[0].set_label("its five modes")
-    ax.set(xlabel="along the string", ylabel="displacement", xlim=(0.0, 1.0))
+    ax.set(xlabel="along the string", ylabel="displacement", xlim=(0.0, 1.0), ylim=(-0.3, 1.5))
     ax.legend(frameon=False)
     page.figure(
         "string",
@@ -66,7 +66,7 @@ def _splines(page: Page) -> None:
     motion = ocp.SplineMotion(1, _SPLINES)
     fraction = np.linspace(0.0, 1.0, 501)
     basis = np.array([motion(unit, fraction)[:, 0] for unit in np.eye(_SPLINES)])
-    figure = plt.figure(figsize=(8.0, 3.2), layout="constrained")
+    figure = plt.figure(figsize=(6.4, 3.2), layout="constrained")
     ax = figure.add_subplot()
     for k, row in enumerate(basis):
         ax.plot(fraction, row, color=plt.get_cmap("viridis")(k / _SPLINES), lw=1.4)
@@ -95,12 +95,12 @@ def _splines(page: Page) -> None:
     ends = [(end, r, 0.0) for end in ("start", "finish") for r in (0, 1)]
     held = ocp.SplineMotion(1, _SPLINES, ends)  # type: ignore[arg-type]
     p = np.random.default_rng(1).uniform(0.0, 1.0, held.n_parameters)
-    ax = plt.figure(figsize=(8.0, 3.0), layout="constrained").add_subplot()
+    ax = plt.figure(figsize=(6.4, 3.0), layout="constrained").add_subplot()
     ax.plot(fraction, held(p, fraction)[:, 0], color="black", lw=1.8, label="weight")
     ax.plot(fraction, held(p, fraction, 1)[:, 0] / 5.0, color=_RED, lw=1.2, label="its rate / 5")
     ax.axhline(0.0, color="0.8", lw=0.8)
     ax.set(xlabel="fraction of the duration", xlim=(0.0, 1.0))
-    ax.legend(frameon=False)
+    plotting.label_ends(ax)
     at_ends = np.abs([held(p, s, r)[0] for s in (0.0, 1.0) for r in (0, 1)]).max()
     page.figure(
         "spline-ends",

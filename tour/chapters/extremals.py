@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 import time
 from typing import TYPE_CHECKING, Any
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from somersault import ftla
+from somersault import ftla, plotting
 from tour import regulators, thesis
 from tour.measurements import Measurements
 from tour.page import Cell, Page, error_size, words
@@ -90,18 +91,18 @@ def _limited(extremal: ftla.Extremal) -> tuple[Solved, Array]:
 def _torques(free: ftla.Extremal, limited: ftla.Extremal, limits: Array) -> Axes:
     import matplotlib.pyplot as plt
 
-    figure = plt.figure(figsize=(8.0, 4.6), layout="constrained")
+    figure = plt.figure(figsize=(6.4, 4.6), layout="constrained")
     axes = figure.subplots(2, 1, sharex=True)
     t = np.linspace(0.0, 10.0, 1001)
     for i, ax in enumerate(axes):
-        ax.plot(t, free.control(t)[:, i], color="0.6", lw=1.2, label="without limits")
-        ax.plot(t, limited.control(t)[:, i], color=_COLOURS[i], lw=1.8, label="within limits")
+        ax.plot(t, free.control(t)[:, i], color="0.6", lw=1.2, label="without\nlimits")
+        ax.plot(t, limited.control(t)[:, i], color=_COLOURS[i], lw=1.8, label="within\nlimits")
         for sign in (-1.0, 1.0):
             ax.axhline(sign * limits[i], color="0.3", lw=0.8, ls=(0, (4, 3)))
         ax.set_ylabel(f"torque u{'₁₂'[i]}, N m")
         ax.grid(color="0.92")
         ax.margins(x=0)
-        ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+        plotting.label_ends(ax)
     axes[-1].set_xlabel("time, s")
     drawn: Axes = axes[0]
     return drawn
@@ -119,7 +120,9 @@ def _paths(found: dict[str, Solved]) -> Axes:
         ax.plot(*end.T, color=colour, lw=1.6)
         for k in (0, 30, 60, 150, 240, 270, 300):
             ax.plot(*np.transpose([[0.0, 0.0], elbow[k], end[k]]), color="0.45", lw=0.8)
-        ax.set_title(name.replace(", ", ",\n"), fontsize=11)
+        ax.set_title(
+            "\n".join(textwrap.fill(part, 18) for part in name.replace(", ", ",|").split("|")), fontsize=11
+        )
         ax.set_aspect("equal")
         ax.axis("off")
     drawn: Axes = axes[0]
@@ -186,7 +189,8 @@ def write(page: Page, measurements: Measurements) -> None:
     page.figure(
         "extremals-limited",
         _torques(extremal, limited.extremal, limits),
-        "Torques with and without limits, which are dashed.",
+        "Torques with and without limits, which are dashed: a torque stays at its limit where it would exceed"
+        " it, and is larger in between.",
         "Two torques over ten seconds; the limited ones are flat where the others peak",
     )
     page.section("Scalar problems")

@@ -49,10 +49,12 @@ def _matching(guess: dict[str, Any]) -> ftla.Matching:
 
 @cache
 def _grid(short: bool) -> ftla.MatchingResult:
-    """From round values; from the match rounded to two digits where there is little time."""
-    ends = np.round(_least_squares().ends[:, 4:], 2)
-    guess = {"initial_costate": ends[0], "final_costate": ends[1]} if short else _GUESS
-    return _matching(guess).grid_search([[0.02, 0.1], [0.02, 0.1]])
+    """From round values; from the match rounded to three digits where there is little time."""
+    if not short:
+        return _matching(_GUESS).grid_search([[0.02, 0.1], [0.02, 0.1]])
+    initial, final = np.round(_least_squares().ends[:, 4:], 3)
+    guess = {"initial_costate": initial, "final_costate": final}
+    return _matching(guess).grid_search([[0.002, 0.01], [0.002, 0.01]])
 
 
 @cache
@@ -115,7 +117,7 @@ def _followed_figure(found: list[_Followed]) -> Axes:
     ax.semilogx(sizes, [each.with_placement for each in found], "s-", color=_GREEN, lw=1.6, label="placed")
     ax.set(xlabel="error of λ₂ and λ₄ at the start", ylabel="time followed, s", ylim=(0.0, None))
     ax.grid(color="0.92")
-    ax.legend(frameon=False)
+    plotting.label_ends(ax)
     return ax
 
 
@@ -127,25 +129,25 @@ def _errors(grid: ftla.MatchingResult) -> Axes:
     reference = np.hstack([collocated().state(t), collocated().costate(t)])
     polished = solved().extremal(t)
     curves: dict[str, tuple[Array, Array, dict[str, Any]]] = {
-        "matched − collocated": (
+        "matched −\ncollocated": (
             grid.nodes(t) - reference,
             reference,
             {"color": _GREEN, "lw": 3.0, "alpha": 0.5},
         ),
-        "matched − polished": (grid.nodes(t) - polished, polished, {"color": _BLUE, "lw": 1.2}),
-        "collocated − polished": (reference - polished, polished, {"color": _RED, "lw": 1.2}),
+        "matched −\npolished": (grid.nodes(t) - polished, polished, {"color": _BLUE, "lw": 1.2}),
+        "collocated −\npolished": (reference - polished, polished, {"color": _RED, "lw": 1.2}),
     }
-    figure = plt.figure(figsize=(8.0, 5.4), layout="constrained")
+    figure = plt.figure(figsize=(6.4, 5.4), layout="constrained")
     axes = figure.subplots(2, 1, sharex=True)
     for name, (difference, to, look) in curves.items():
         size = np.linalg.norm(difference, axis=1)
         axes[0].semilogy(t, size, label=name, **look)
-        axes[1].semilogy(t, size / np.linalg.norm(to, axis=1), **look)
+        axes[1].semilogy(t, size / np.linalg.norm(to, axis=1), label=name, **look)
     for ax, label in zip(axes, ("difference ‖Δp‖", "relative, ‖Δp‖ / ‖p‖"), strict=True):
         ax.set_ylabel(label)
         ax.grid(color="0.92")
         ax.margins(x=0)
-    axes[0].legend(frameon=False, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+        plotting.label_ends(ax)
     axes[1].set_xlabel("time, s")
     drawn: Axes = axes[0]
     return drawn

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from somersault import errors, motion, multibody, ocp, viewer
-from tour.measurements import Measurements
+from tour.measurements import Measurements, Setting
 from tour.page import Cell, Page, error_size, number, words
 
 Array = NDArray[np.float64]
@@ -140,20 +140,21 @@ def _scaled(fit: motion.MotionFit, q: Array) -> Array:
     return np.asarray(off / np.where(is_known, deviation, np.nan))
 
 
-def _known(page: Page, dives: dict[str, ocp.DiveSolution], repeats: int) -> motion.MotionFit:
+def _known(page: Page, dives: dict[str, ocp.DiveSolution], setting: Setting) -> motion.MotionFit:
     page.section("Fitting what is known")
     rows: list[list[str | Cell]] = []
     last: motion.MotionFit | None = None
     for name, dive in dives.items():
         diver = dive.dive.diver
-        clean, noisy, seconds, markers = _fitted(diver, dive.t, dive.q, repeats)
-        scaled = _scaled(noisy, dive.q)
+        t, q = dive.t[:: setting.thinned], dive.q[:: setting.thinned]
+        clean, noisy, seconds, markers = _fitted(diver, t, q, setting.repeats)
+        scaled = _scaled(noisy, q)
         rows.append(
             [
                 words(name),
-                f"{len(dive.t)} × {len(markers)}",
-                error_size(float(_turned_off(clean, dive.q).max())),
-                number(float(np.degrees(np.median(_turned_off(noisy, dive.q))))),
+                f"{len(t)} × {len(markers)}",
+                error_size(float(_turned_off(clean, q).max())),
+                number(float(np.degrees(np.median(_turned_off(noisy, q))))),
                 number(float(np.nanmean(scaled))),
                 number(float(np.sqrt(np.nanmean(scaled**2)))),
                 number(1e3 * noisy.rms, 1),
@@ -214,7 +215,7 @@ def frame(page: Page, scene: viewer.Scene, name: str, caption: str) -> None:
 
 def _fit_scene(page: Page, dive: ocp.DiveSolution, fit: motion.MotionFit) -> None:
     scene = viewer.Scene("5174D, from noisy markers")
-    scene.add(fit.model, fit.times, dive.q, label="the dive")
+    scene.add(dive.dive.diver.model, dive.t, dive.q, label="the dive")
     scene.add(fit, label="fitted to markers", panel=1)
     scene.water(0.0).platform(dive.dive.options["platform"]).camera("corner").play(0.5)
     frame(
@@ -268,6 +269,6 @@ def write(page: Page, measurements: Measurements) -> None:
         " itself predicts."
     )
     _reading(page)
-    fit = _known(page, {"107B, planar": pike, "5174D, spatial": twisting}, measurements.setting.repeats)
+    fit = _known(page, {"107B, planar": pike, "5174D, spatial": twisting}, measurements.setting)
     _fit_scene(page, twisting, fit)
     _components(page, twisting)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from somersault import errors, motion, multibody, ocp, viewer
+from somersault import errors, motion, multibody, ocp, plotting, viewer
 from tour.chapters.divers import inertia
 from tour.chapters.motions import frame, postures
 from tour.measurements import Measurements
@@ -32,9 +33,9 @@ VARIABLE = "SOMERSAULT_MOTIONS"
 _RECORDED = ("backflip", "sideflip", "cartwheel", "roll", "jump", "spinkick", "walk", "run")
 #: Of synthetic flights: how each differs from the dive that was optimised.
 _FLOWN = {
-    "as optimised": motion.Perturbation(),
     "over-rotated": motion.Perturbation(over_rotation=0.4),
     "one-sided": motion.Perturbation(asymmetry=0.15),
+    "as optimised": motion.Perturbation(),
     "wobbling": motion.Perturbation(wobble=0.1),
 }
 _NOISE = 0.005
@@ -77,12 +78,14 @@ class Recorded:
         return np.asarray(self.markers.times)
 
 
-def _flown(diver: multibody.Diver, markers: motion.MarkerSet, found: ocp.DiveSolution) -> dict[str, Recorded]:
+def _flown(
+    diver: multibody.Diver, markers: motion.MarkerSet, found: ocp.DiveSolution, count: int
+) -> dict[str, Recorded]:
     """SYNTHETIC recordings: an optimised dive, perturbed and flown again, with noise on its markers."""
     flight = motion.SyntheticFlight(diver.model, found.t, found.q)
     rng = np.random.default_rng(11)
     made = {}
-    for name, perturbation in _FLOWN.items():
+    for name, perturbation in islice(_FLOWN.items(), count):
         dive = flight.perturb(perturbation)
         frames = np.linspace(0, len(dive.times) - 1, _FRAMES).round().astype(int)
         times, q = np.linspace(0.0, dive.times[-1], _FRAMES), np.asarray(dive.q)[frames]
@@ -100,9 +103,10 @@ def turned(q: Array) -> Array:
 
 
 def _turns(recordings: Mapping[str, Recorded], fits: Mapping[str, motion.MotionFit]) -> Axes:
-    rows = len(recordings) // 4
+    columns = min(4, len(recordings))
+    rows = len(recordings) // columns
     axes = plt.figure(figsize=(9.0, 2.4 * rows), layout="constrained").subplots(
-        rows, 4, sharey=True, squeeze=False
+        rows, columns, sharey=True, squeeze=False
     )
     for ax, name in zip(axes.flat, recordings, strict=True):
         found = turned(recordings[name].q), turned(fits[name].q)
@@ -116,7 +120,8 @@ def _turns(recordings: Mapping[str, Recorded], fits: Mapping[str, motion.MotionF
         ax.set_ylabel("turns")
     for ax in axes[-1]:
         ax.set_xlabel("time, s")
-    axes[0, 0].legend(frameon=False, fontsize=11)
+    for ax in axes[:, -1]:
+        plotting.label_ends(ax)
     drawn: Axes = axes[0, 0]
     return drawn
 
@@ -141,8 +146,8 @@ def _body_centred(fits: dict[str, motion.MotionFit]) -> Axes:
             ax.grid(color="0.92")
             ax.margins(x=0)
     axes[0, 0].set_ylabel("height of the\ncentre of mass, m")
-    axes[1, 0].set(ylabel="moment of inertia, kg m²", ylim=(0.0, None))
-    axes[1, -1].legend(frameon=False, fontsize=11)
+    axes[1, 0].set(ylabel="moment of\ninertia, kg m²", ylim=(0.0, None))
+    plotting.label_ends(axes[1, -1])
     drawn: Axes = axes[0, 0]
     return drawn
 
@@ -164,7 +169,7 @@ def _posture_space(fits: dict[str, motion.MotionFit], diver: multibody.Diver, le
             ax.margins(x=0)
     axes[0, 0].set(ylabel="weight", ylim=(-0.02, 1.02))
     axes[1, 0].set(ylabel="angle of the rest, °", ylim=(0.0, None))
-    axes[0, -1].legend(frameon=False, fontsize=11)
+    plotting.label_ends(axes[0, -1])
     drawn: Axes = axes[0, 0]
     return drawn
 
@@ -182,11 +187,11 @@ def _synthetic(page: Page, measurements: Measurements) -> None:
     found = measurements.twisting[0]
     diver = multibody.diver_spatial()
     markers = markers_of_recordings(diver.model)
-    recordings = _flown(diver, markers, found)
+    recordings = _flown(diver, markers, found, measurements.setting.flights)
     fits = _fits(diver, markers, recordings)
     off = {name: _angle(recordings[name].q, fit.q) for name, fit in fits.items()}
     page.lead(
-        "Four SYNTHETIC recordings of a twisting dive, fitted by the spatial diver to"
+        f"{len(recordings)} SYNTHETIC recordings of a twisting dive, fitted by the spatial diver to"
         f" {1e3 * min(fit.rms for fit in fits.values()):.1f} to"
         f" {1e3 * max(fit.rms for fit in fits.values()):.1f} mm; the trunk is found within"
         f" {np.degrees(max(off.values())):.1f}° in every frame."
@@ -203,13 +208,14 @@ def _synthetic(page: Page, measurements: Measurements) -> None:
         "recorded-turns",
         _turns(recordings, fits),
         "Turns of the trunk about its own axes since take-off: of the synthetic motion, and dashed the fit.",
-        "Four panels with three curves each, on which dashed curves lie",
+        "Panels with three curves each, on which dashed curves lie",
     )
     shown = {name: fits[name] for name in list(fits)[:2]}
     page.figure(
         "recorded-body",
         _body_centred(shown),
-        "Height of the centre of mass, and moments of inertia about it along the axes of the trunk.",
+        "Height of the centre of mass, and moments of inertia about it along the axes of the trunk: the pike"
+        " before the entry makes those about the forward and the left axis small, and the somersault fast.",
         "Two columns; the height rises and falls, the moments of inertia change with the posture",
     )
     scene = viewer.Scene("SYNTHETIC: a twisting dive").camera("corner").water(0.0).play(0.5)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from somersault import ocp, viewer
+from somersault import ocp, plotting, viewer
 from tour import thesis
 from tour.carts import frames, write_double_pendulum
 from tour.measurements import Measurements
@@ -107,19 +107,19 @@ def _curves(motion: ocp.Motion, optimum: ocp.CollocationResult) -> Axes:
     """Position of the cart, angle of the pendulum and force."""
     import matplotlib.pyplot as plt
 
-    figure = plt.figure(figsize=(8.0, 7.0), layout="constrained")
+    figure = plt.figure(figsize=(6.4, 7.0), layout="constrained")
     axes = figure.subplots(3, 1, sharex=True)
     t = np.linspace(0.0, 2.0, 401)
     of_optimum = (*optimum.state(t)[:, :2].T, optimum.control(t)[:, 0])
     of_case = (*motion.q.T, motion.torque[:, 0])
-    labels = ("position of the cart, m", "angle of the pendulum, rad", "force, N")
+    labels = ("position of\nthe cart, m", "angle of the\npendulum, rad", "force, N")
     for ax, label, values, free in zip(axes, labels, of_case, of_optimum, strict=True):
         ax.plot(motion.t, values, color=_BLUE, lw=2.0, label="case B")
-        ax.plot(t, free, color=_ORANGE, lw=1.2, ls="--", label="any force, integrated accurately")
+        ax.plot(t, free, color=_ORANGE, lw=1.2, ls="--", label="any force,\nintegrated\naccurately")
         ax.set_ylabel(label)
         ax.grid(color="0.92")
         ax.margins(x=0)
-    axes[0].legend(frameon=False)
+        plotting.label_ends(ax)
     axes[-1].set_xlabel("time, s")
     drawn: Axes = axes[0]
     return drawn
@@ -129,20 +129,20 @@ def _costs(cases: list[Case], optimum: float) -> Axes:
     """Costs over the number of parameters."""
     import matplotlib.pyplot as plt
 
-    figure = plt.figure(figsize=(8.0, 7.0), layout="constrained")
+    figure = plt.figure(figsize=(6.4, 7.0), layout="constrained")
     axes = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
     p = [thesis.SWING_UP[case.name][0] for case in cases]
     seen = [case.report.cost for case in cases]
-    axes[0].plot(p, [case.accurate.cost for case in cases], "D-", color=_GREEN, label="optimised accurately")
-    axes[0].axhline(optimum, color="0.3", ls=":", label="optimum over all forces, by collocation")
-    axes[0].plot(p, seen, "o-", color=_BLUE, label="optimised with explicit Euler")
-    axes[0].plot(p, [case.printed for case in cases], "kx", ms=9, label="printed in Table A.1")
+    axes[0].plot(p, [case.accurate.cost for case in cases], "D-", color=_GREEN, label="optimised\naccurately")
+    axes[0].axhline(optimum, color="0.3", ls=":", label="optimum over\nall forces, by\ncollocation")
+    axes[0].plot(p, seen, "o-", color=_BLUE, label="optimised with\nexplicit Euler")
+    axes[0].plot(p, [case.printed for case in cases], "kx", ms=9, label="printed in\nTable A.1 (crosses)")
     axes[0].set_ylabel("cost")
     axes[1].semilogy(p, [case.verification.cost for case in cases], "s-", color=_ORANGE)
-    axes[1].set(xlabel="number of parameters p", ylabel="Euler's optima, accurately")
-    axes[0].legend(frameon=False)
+    axes[1].set(xlabel="number of parameters p", ylabel="cost of Euler's optima,\nintegrated accurately")
     for ax in axes:
         ax.grid(color="0.92", which="both")
+        plotting.label_ends(ax)
     drawn: Axes = axes[0]
     return drawn
 
@@ -270,7 +270,7 @@ def write(page: Page, measurements: Measurements) -> None:
         "swing-up-curves",
         _curves(motion, optimum),
         "Figure A.3: position of the cart, angle of the pendulum from the upright and force on the cart;"
-        " dashed the continuous-time optimum.",
+        " dashed the continuous-time optimum. The motions are alike, the forces are not.",
         "Three panels of curves over two seconds",
     )
     _scene(problem, motion).write(page.folder / "swing_up_motion.html")

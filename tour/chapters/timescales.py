@@ -38,16 +38,22 @@ def _strategy() -> Axes:
     motion = found(np.concatenate([near, 12.0 - near[::-1]]))
     ax = plt.figure(figsize=(6.4, 4.6), layout="constrained").add_subplot()
     x = np.linspace(-0.3, 1.5, 200)
-    for sign, colour, name in ((1.0, _STABLE, "stable manifold"), (-1.0, _UNSTABLE, "unstable manifold")):
-        ax.plot(x, -(x**3) + sign * x * np.sqrt(1 + x**4), color=colour, lw=1.0, ls=(0, (5, 2)), label=name)
+    for sign, colour in ((1.0, _STABLE), (-1.0, _UNSTABLE)):
+        ax.plot(x, -(x**3) + sign * x * np.sqrt(1 + x**4), color=colour, lw=1.0, ls=(0, (5, 2)))
     away = ftla.VariationalFlow(system).state([1.0, motion[0, 1] + 0.02], np.linspace(0.01, 4.2, 80))
-    ax.plot(*away.T, color="0.55", lw=1.2, label="start 0.02 off the manifold")
-    ax.plot(*motion.T, color=_CENTER, lw=2.4, label="optimum")
+    ax.plot(*away.T, color="0.55", lw=1.2)
+    ax.plot(*motion.T, color=_CENTER, lw=2.4)
     ax.plot(*motion[0], "o", color=_STABLE, ms=8)
     ax.plot(*motion[-1], "o", color=_UNSTABLE, ms=8)
     ax.set(xlim=(-0.3, 1.5), ylim=(-5.5, 1.2), xlabel="state x", ylabel="costate λ")
     ax.grid(color="0.92")
-    ax.legend(frameon=False, loc="lower left")
+    for place, name, colour, side in (
+        ((1.48, 0.62), "stable manifold", _STABLE, "right"),
+        ((1.28, -5.3), "unstable manifold", _UNSTABLE, "right"),
+        ((-0.28, 0.75), "start 0.02 off the manifold", "0.4", "left"),
+        ((0.48, -1.1), "optimum", _CENTER, "right"),
+    ):
+        ax.text(*place, name, color=colour, ha=side)
     return ax
 
 
@@ -99,8 +105,8 @@ def _stages(extremal: ftla.Extremal) -> Axes:
             ax.plot([joint[0], last[0]], [joint[1], last[1]], color=colour, lw=2.6, **shade)
         ax.set_title(name, fontsize=11)
         ax.set_aspect("equal")
-        ax.set_xlabel("m")
-    axes[0].set_ylabel("m")
+        ax.set_xlabel("x, m")
+    axes[0].set_ylabel("y, m")
     drawn: Axes = axes[0]
     return drawn
 

@@ -43,6 +43,10 @@
 //! J. Aguilar Mayans, *Numerical Integration and Optimization of Motions for Multibody Dynamic Systems*, UC
 //! Irvine 2017, section 7.3.
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::unreachable, clippy::todo)
+)]
 
 pub mod bodies;
 pub mod contacts;

@@ -15,6 +15,10 @@
 //! \exp \phi = 1 + \frac{\sin |\phi|}{|\phi|}\, \hat\phi + \frac{1 - \cos |\phi|}{|\phi|^2}\, \hat\phi^2
 //! ```
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::unreachable, clippy::todo)
+)]
 
 pub mod argument;
 pub mod cancel;

@@ -28,6 +28,10 @@
 //! The long axis of the body is the line from the centre of mass of its feet to that of its hands in the last posture,
 //! fixed in the torso; somersaults, tilt and twists are counted with it ([`Counting`](somersault_multibody::counting::Counting)).
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::unreachable, clippy::todo)
+)]
 
 mod body;
 mod bounds;

@@ -30,6 +30,10 @@
 //! U. Topcu, E. Aykutluğ and M. Maggia, *Characterizing two-timescale nonlinear dynamics using finite-time Lyapunov
 //! exponents and vectors*, Commun. Nonlinear Sci. Numer. Simul. 36 (2016).
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::unreachable, clippy::todo)
+)]
 
 pub mod budget;
 pub mod cold_start;

@@ -11,6 +11,10 @@
 //! [`Run`](run::Run) takes a [`System`](system::System), a [`Method`](methods::Method) and its steps; [`events`] locates where
 //! the equations change.
 #![deny(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::unreachable, clippy::todo)
+)]
 
 pub use nalgebra;
 

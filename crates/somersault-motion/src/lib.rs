@@ -23,6 +23,10 @@
 //! Filters are not here: no Rust crate for zero-phase low-pass filters is kept well enough to rest
 //! measurements on it. SciPy's `butter` and `sosfiltfilt` do it on the Python side.
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::unreachable, clippy::todo)
+)]
 
 pub mod analysis;
 pub mod fit;

@@ -35,6 +35,10 @@
 //!
 //! Source: R. Featherstone, *Rigid Body Dynamics Algorithms*, Springer 2008.
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::unreachable, clippy::todo)
+)]
 
 mod articulated;
 mod builder;

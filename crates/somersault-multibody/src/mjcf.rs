@@ -103,6 +103,30 @@ const OUTSIDE: [(&str, &str); 6] = [
 /// Sections that say nothing of the motion.
 const WITHOUT_EFFECT: [&str; 4] = ["size", "visual", "statistic", "custom"];
 
+/// What else defaults may be given for: read where it is used, or of elements that are not read.
+const OF_DEFAULTS: [&str; 20] = [
+    "mesh",
+    "equality",
+    "tendon",
+    "pair",
+    "site",
+    "camera",
+    "light",
+    "material",
+    "texture",
+    "general",
+    "motor",
+    "position",
+    "velocity",
+    "intvelocity",
+    "damper",
+    "cylinder",
+    "muscle",
+    "adhesion",
+    "dcmotor",
+    "plugin",
+];
+
 /// Attributes of a tendon that make it act by itself.
 const OF_TENDONS: [&str; 5] = ["stiffness", "damping", "frictionloss", "armature", "springlength"];
 
@@ -127,7 +151,8 @@ impl MjcfFiles {
             match element.tag() {
                 "joint" => report.check_attributes(element, &[&joint::READ, &joint::WITHOUT_EFFECT])?,
                 "geom" => report.check_attributes(element, &[&geom::READ, &geom::WITHOUT_EFFECT])?,
-                _ => {}
+                tag if OF_DEFAULTS.contains(&tag) => {}
+                _ => return Err(MjcfError::unknown_element(element, "default")),
             }
         }
         let meshes = Meshes::read(&sections, &library, &defaults)?;

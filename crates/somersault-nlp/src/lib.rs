@@ -58,6 +58,10 @@
 //! P. Goulart & Y. Chen, Clarabel, arXiv:2405.12762 (2024). D. Janka, C. Kirches, S. Sager & A. Wächter, Math.
 //! Program. Comput. 8 (2016) 435–459. D. Bertsekas, SIAM J. Control Optim. 20 (1982) 221–246.
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::unreachable, clippy::todo)
+)]
 
 mod best;
 mod error;

@@ -12,6 +12,10 @@
 //! program ([`somersault_nlp`]) for a solver. Other than by shooting, motions are found by [`collocation`]. A [`swing_up`] is
 //! the case study; dives, which have a flight and a search of their own, are a crate above.
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::unreachable, clippy::todo)
+)]
 
 pub mod collocation;
 pub mod dynamics;

@@ -5,9 +5,14 @@
 //! A folder is a chapter, as the crates are, and `core` has what all of them share. Each public module of the package has
 //! its own in the extension, declared as `module` in the folder or file of its chapter.
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::unreachable, clippy::todo)
+)]
 
 mod contact;
 mod core;
+mod expr;
 mod ftla;
 mod integrators;
 mod motion;
@@ -24,6 +29,8 @@ mod _somersault {
 
     #[pymodule_export]
     use crate::contact::module as contact;
+    #[pymodule_export]
+    use crate::expr::module as expr;
     #[pymodule_export]
     use crate::ftla::module as ftla;
     #[pymodule_export]

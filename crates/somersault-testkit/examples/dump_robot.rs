@@ -1,13 +1,13 @@
 //! Prints dynamics of robots in random states as JSON, for comparison with another package:
 //! `cargo run --release -p somersault-testkit --example dump_robot -- 100 fixed tests/urdf/arm.urdf`, read
 //! by `tests/python/compare_urdf_with_pinocchio.py` and `compare_mjcf_with_mujoco.py`, with what was repaired of the document and
-//! the bodies that stand for what it has. The base of URDF is `fixed`, `planar` or `free`; `mjcf` in its place is the format. A
+//! the bodies that stand for what it has. Accelerations are null where the mass matrix is singular. The base of URDF is `fixed`, `planar` or `free`; `mjcf` in its place is the format. A
 //! document that is refused is the reason.
 
 use somersault_multibody::mjcf::{MjcfFiles, MjcfOptions};
 use somersault_multibody::robot::{Change, Repair, Robot};
 use somersault_multibody::urdf::{self, Base, UrdfOptions};
-use somersault_multibody::{Data, MassProperties, Model};
+use somersault_multibody::{Data, DynamicsError, MassProperties, Model};
 use somersault_testkit::trees::{Random, random_configuration};
 use std::error::Error;
 use std::path::Path;
@@ -17,10 +17,13 @@ fn state(model: &Model, random: &mut Random) -> Result<String, Box<dyn Error>> {
     let mut data = Data::new(model);
     let q = random_configuration(random, model)?;
     let (v, a, torque) = (random.numbers(n, 2.0), random.numbers(n, 5.0), random.numbers(n, 5.0));
-    let mut fields = vec![format!(r#""q":{q:?},"v":{v:?},"a":{a:?}"#)];
+    let accelerations = match model.forward_dynamics(&mut data, &q, &v, &torque, &[]) {
+        Err(DynamicsError::Singular { .. }) => "null".to_owned(),
+        found => format!("{:?}", found?),
+    };
+    let mut fields = vec![format!(r#""q":{q:?},"v":{v:?},"a":{a:?},"aba":{accelerations}"#)];
     let mut put = |name: &str, numbers: &[f64]| fields.push(format!(r#""{name}":{numbers:?}"#));
     put("tau", &torque);
-    put("aba", model.forward_dynamics(&mut data, &q, &v, &torque, &[])?);
     put("bias", model.bias(&mut data, &q, &v)?);
     put("rnea", model.inverse_dynamics(&mut data, &q, &v, &a, &[])?);
     put("gravity_forces", model.gravity_forces(&mut data, &q)?);

@@ -12,6 +12,7 @@
 //! | `robots` | robots from URDF and MJCF, and URDF written, with `multibody` |
 //! | `contact` | compliant contact with located events |
 //! | `nlp` | nonlinear programs and their solvers |
+//! | `expr` | expression graphs: exact derivatives of any order |
 //! | `ocp` | optimal motions; brings `multibody` and `nlp` |
 //! | `dives` | optimal dives; brings `ocp` |
 //! | `motion` | recorded motions; brings `multibody` |
@@ -19,12 +20,18 @@
 //! | `serde` | serde's traits for bodies, states, models and results |
 //! | `storage` | versioned files, with `serde` |
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::unreachable, clippy::todo)
+)]
 
 #[cfg(feature = "contact")]
 pub use somersault_contact as contact;
 pub use somersault_core as core;
 #[cfg(feature = "dives")]
 pub use somersault_dives as dives;
+#[cfg(feature = "expr")]
+pub use somersault_expr as expr;
 #[cfg(feature = "ftla")]
 pub use somersault_ftla as ftla;
 pub use somersault_integrators as integrators;

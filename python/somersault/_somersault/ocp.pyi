@@ -31,6 +31,7 @@ __all__ = [
     "SwingUpVerification",
     "Term",
     "Verification",
+    "_TracedProblem",
     "axis_direction",
     "body_orientation",
     "displacement",
@@ -609,11 +610,23 @@ class CollocationOutcome:
 @final
 class CollocationResult(CollocationOutcome):
     @property
-    def model(self) -> Model: ...
+    def model(self) -> Model | None: ...
+    @property
+    def state_names(self) -> list[str]: ...
+    @property
+    def control_names(self) -> list[str]: ...
+    @property
+    def parameter_names(self) -> list[str]: ...
+    @property
+    def parameters(self) -> _Floats: ...
     @property
     def t(self) -> _Floats: ...
     @property
     def x(self) -> _Floats: ...
+    @property
+    def q(self) -> _Floats | None: ...
+    @property
+    def v(self) -> _Floats | None: ...
     @property
     def u(self) -> _Floats: ...
     @property
@@ -631,6 +644,28 @@ class CollocationResult(CollocationOutcome):
     def terminal_error(self) -> float: ...
     @property
     def meshes(self) -> list[dict[str, Any]]: ...
+
+@final
+class _TracedProblem:
+    def __new__(
+        cls,
+        functions: list[Any],
+        names: list[list[str]],
+        bounds: list[list[tuple[float, float]]],
+        scales: tuple[list[float], list[float]] | None,
+    ) -> _TracedProblem: ...
+    def solve(
+        self,
+        guess: CollocationResult | tuple[Any, ...] | None,
+        tol: float,
+        n_intervals: int,
+        n_points: int,
+        max_meshes: int,
+        max_iterations: int | None,
+        max_time: float | None,
+        callback: Callable[[int, _Floats, float, float], object] | None,
+        on_interrupt: Literal["raise", "return"],
+    ) -> CollocationResult: ...
 
 @final
 class MultiphaseProblem:

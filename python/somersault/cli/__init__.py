@@ -61,7 +61,11 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"somersault {somersault.__version__}")
     commands = parser.add_subparsers(title="commands", required=True)
 
-    methods = commands.add_parser("methods", help="print the table of methods")
+    methods = commands.add_parser(
+        "methods",
+        help="print the table of methods",
+        description="Prints the table of methods: orders, evaluations in a step, what each conserves.",
+    )
     methods.add_argument("--json", action="store_true", help="print JSON")
     methods.set_defaults(command=_methods)
 
@@ -70,12 +74,16 @@ def _parser() -> argparse.ArgumentParser:
     score.add(commands)
     bench.add(commands)
 
-    schemas = commands.add_parser("schema", help="print the JSON schema of an input")
+    schemas = commands.add_parser(
+        "schema",
+        help="print the JSON schema of an input",
+        description="Prints the JSON schema of an input, for editors and validators.",
+    )
     schemas.add_argument("name", choices=("integrate", "dive", "score"), help="input of this command")
     schemas.set_defaults(command=_schema)
 
-    for command in commands.choices.values():
-        command.add_argument(
+    for name in ("integrate", "dive", "score", "bench"):
+        commands.choices[name].add_argument(
             "--progress",
             action=argparse.BooleanOptionalAction,
             default=sys.stderr.isatty() and importlib.util.find_spec("tqdm") is not None,

@@ -51,8 +51,7 @@ def dive(arguments: argparse.Namespace) -> int:
 def _check_outputs(arguments: argparse.Namespace) -> None:
     if arguments.out:
         tables.check(arguments.out, arguments.format)
-    if arguments.html:
-        tables.check(arguments.html, "csv")
+    tables.check_page(arguments.html)
     tables.check_distinct(arguments.file, out=arguments.out, html=arguments.html)
 
 

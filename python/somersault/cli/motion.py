@@ -37,7 +37,9 @@ def integrate(arguments: argparse.Namespace) -> int:
         tables.check(arguments.events)
     if arguments.save:
         tables.check(arguments.save, "csv")
-    tables.check_distinct(arguments.file, out=arguments.out, events=arguments.events, save=arguments.save)
+    tables.check_page(arguments.html)
+    outputs = {name: getattr(arguments, name) for name in ("out", "events", "save", "html")}
+    tables.check_distinct(arguments.file, **outputs)
     run = _body_motion if "body" in document.values else _tree_motion
     status = 0
     motion: Any
@@ -52,6 +54,10 @@ def integrate(arguments: argparse.Namespace) -> int:
     tables.write(_columns(motion), arguments.out, arguments.format)
     if arguments.save:
         somersault.save(arguments.save, motion)
+    if arguments.html:
+        from somersault import viewer
+
+        viewer.Scene(arguments.file.stem).add(motion).write(arguments.html)
     events = getattr(motion, "events", ())
     if arguments.events:
         names = ("t", "contact", "kind")
@@ -222,4 +228,5 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "--save", type=Path, metavar="FILE", help="write the solution here, for somersault.load"
     )
+    parser.add_argument("--html", type=Path, metavar="FILE", help="write a page that plays the motion")
     parser.set_defaults(command=integrate)

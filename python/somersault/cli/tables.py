@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from somersault.errors import InputError
 
-__all__ = ["FORMATS", "Columns", "Missing", "check", "check_distinct", "curves", "write"]
+__all__ = ["FORMATS", "Columns", "Missing", "check", "check_distinct", "check_page", "curves", "write"]
 
 Columns = Mapping[str, NDArray[Any]]
 
@@ -66,10 +66,23 @@ def check(path: Path | None, kind: str | None = None) -> None:
     if _format(path, kind) == "parquet":
         _parquet()
     if path is not None:
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as fault:
-            raise InputError(f"{path}: the folder {path.parent} cannot be made: {fault.strerror}") from fault
+        _make_folder(path)
+
+
+def check_page(path: Path | None) -> None:
+    """Refuses the path of a page before the work, and makes its folder."""
+    if path is None:
+        return
+    _make_folder(path)
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise InputError(f"{path}: the name of a page must end in .html")
+
+
+def _make_folder(path: Path) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as fault:
+        raise InputError(f"{path}: the folder {path.parent} cannot be made: {fault.strerror}") from fault
 
 
 def _format(path: Path | None, kind: str | None) -> str:

@@ -11,7 +11,8 @@ from importlib.util import find_spec
 if find_spec("matplotlib") is None:
     raise ImportError("somersault.plotting needs matplotlib: pip install 'somersault[plot]'")
 
-from somersault.plotting.bodies import body_motion, gaps, polhode, tree_configuration
+from somersault.plotting.bodies import body_motion, gaps, polhode, tree_configuration, tree_motion
+from somersault.plotting.labels import label_ends
 from somersault.plotting.lyapunov import compare_motions, exponents, projections, subspace_angles
 from somersault.plotting.methods import (
     abbreviation,
@@ -30,6 +31,7 @@ __all__ = [
     "energy_ratios",
     "exponents",
     "gaps",
+    "label_ends",
     "motion_groups",
     "observed_orders",
     "polhode",
@@ -38,5 +40,6 @@ __all__ = [
     "style",
     "subspace_angles",
     "tree_configuration",
+    "tree_motion",
     "work_precision_diagram",
 ]

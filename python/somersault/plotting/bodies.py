@@ -11,12 +11,15 @@ from matplotlib.patches import Ellipse
 from numpy.typing import NDArray
 
 import somersault
+from somersault.errors import InputError
+from somersault.plotting.labels import label_ends
 from somersault.plotting.palette import AXES, MUTED
+from somersault.viewer.results import resolve
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["body_motion", "gaps", "polhode", "tree_configuration"]
+__all__ = ["body_motion", "gaps", "polhode", "tree_configuration", "tree_motion"]
 
 Array = NDArray[Any]
 
@@ -45,6 +48,11 @@ def body_motion(trajectory: somersault.Trajectory, axes: Sequence[Axes] | None =
     >>> axes[0].get_ylabel()
     'position, m'
     """
+    if not isinstance(trajectory, somersault.Trajectory):
+        raise InputError(
+            "`trajectory` must be a Trajectory or Solution of one body, found a"
+            f" {type(trajectory).__name__}; `tree_motion` draws trees"
+        )
     if axes is None:
         axes = plt.figure(figsize=(9.0, 7.6), layout="constrained").subplots(4, 1, sharex=True)
     place, turn, conserved, drift = axes
@@ -65,19 +73,21 @@ def body_motion(trajectory: somersault.Trajectory, axes: Sequence[Axes] | None =
     for ax in axes:
         ax.grid(color="0.92")
         ax.margins(x=0)
-        ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+        label_ends(ax)
     return axes
 
 
-def gaps(motion: somersault.Trajectory, contacts: Any, axes: Sequence[Axes] | None = None) -> Sequence[Axes]:
+def gaps(
+    motion: somersault.Trajectory, contacts: Any = None, axes: Sequence[Axes] | None = None
+) -> Sequence[Axes]:
     """Gaps and forces of contacts of one body over time, and the events of the motion.
 
     Parameters
     ----------
     motion : Trajectory or Solution
         Of one body.
-    contacts : Contact or sequence of Contact
-        Its contacts.
+    contacts : Contact or sequence of Contact, optional
+        Its contacts; those of the Solution unless given.
     axes : sequence of two matplotlib.axes.Axes, optional
         Axes to draw into.
 
@@ -92,12 +102,16 @@ def gaps(motion: somersault.Trajectory, contacts: Any, axes: Sequence[Axes] | No
     >>> ball = contact.bouncing_ball(1.0, 0.1, contact.CompliantLaw.from_restitution(1.0, 1e4, 0.8), 0.2)
     >>> motion = somersault.integrate(
     ...     ball.body, ball.state, (0.0, 0.5), dt=0.005, forces=ball.forces, contacts=ball.contacts)
-    >>> axes = plotting.gaps(motion, ball.contacts)
+    >>> axes = plotting.gaps(motion)
     >>> axes[0].get_ylabel(), axes[1].get_ylabel()
     ('gap, mm', 'normal force, N')
     """
     if axes is None:
         axes = plt.figure(figsize=(9.0, 5.2), layout="constrained").subplots(2, 1, sharex=True)
+    if contacts is None:
+        contacts = motion.contacts if isinstance(motion, somersault.Solution) else None
+    if contacts is None:
+        raise InputError("`contacts` must be given, since the motion does not hold its contacts")
     contacts = [contacts] if isinstance(contacts, somersault.contact.Contact) else list(contacts)
     events = motion.events if isinstance(motion, somersault.Solution) else ()
     for i, contact in enumerate(contacts):
@@ -125,6 +139,67 @@ def gaps(motion: somersault.Trajectory, contacts: Any, axes: Sequence[Axes] | No
         ax.grid(color="0.92")
         ax.margins(x=0)
     return axes
+
+
+def tree_motion(moving: Any, bodies: Sequence[str] | None = None, ax: Axes | None = None) -> Axes:
+    """Angles and travels of the joints of a tree over time.
+
+    Parameters
+    ----------
+    moving : object
+        A result that holds the motion of a tree, as `Scene.add` of the viewer takes it: a TreeSolution, a
+        MotionFit, a DiveSolution, the Motion of a problem, a CollocationResult and others.
+    bodies : sequence of str, optional
+        The bodies whose joints are drawn, which have one degree of freedom; all of these unless given.
+    ax : matplotlib.axes.Axes, optional
+        Axes to draw into.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Raises
+    ------
+    InputError
+        If a body is not known or its joint has not one degree of freedom.
+    TypeError
+        If no tree moves in what is given.
+
+    Examples
+    --------
+    >>> from somersault import multibody, plotting
+    >>> arm = multibody.two_link_arm()
+    >>> motion = multibody.integrate_tree(arm, [0.0, 0.3], [1.0, 0.0], (0.0, 2.0), dt=0.01)
+    >>> ax = plotting.tree_motion(motion)
+    >>> ax.get_ylabel(), [line.get_label() for line in ax.lines]
+    ('angle, rad', ['upper', 'lower'])
+    """
+    subject = resolve(moving)
+    motion: Any = subject
+    model = subject.source
+    if isinstance(model, somersault.multibody.TreeSolution):
+        motion, model = model, model.model
+    if not isinstance(model, somersault.Model):
+        raise TypeError(f"`moving` must hold the motion of a tree, found a {type(moving).__name__}")
+    units = {"revolute": "angle, rad", "prismatic": "travel, m"}
+    joints = {link.name: link.joint for link in model.links if link.mimic is None and link.joint in units}
+    shown = list(bodies or joints)
+    for name in shown:
+        if name not in joints:
+            known = ", ".join(joints)
+            raise InputError(f"`bodies` must be of those whose joint has one angle, {known}, found '{name}'")
+    ax = ax or plt.figure(figsize=(9.0, 4.5), layout="constrained").add_subplot()
+    q = np.asarray(motion.q)
+    for i, name in enumerate(shown):
+        line = ("-", "--", ":", "-.")[i // len(MUTED) % 4]
+        values = q[:, model.positions_of(name)]
+        ax.plot(motion.t, values, line, color=MUTED[i % len(MUTED)], label=name)
+    ax.set_xlabel("time, s")
+    ax.set_ylabel("; ".join(dict.fromkeys(units[joints[name]] for name in shown)))
+    ax.grid(color="0.92")
+    ax.margins(x=0)
+    ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False)
+    return ax
 
 
 def tree_configuration(

@@ -11,6 +11,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from numpy.typing import ArrayLike, NDArray
 
 from somersault import errors, ftla
+from somersault.plotting.labels import label_ends
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -105,7 +106,7 @@ def projections(
     """
     from mpl_toolkits.mplot3d.art3d import Line3DCollection
 
-    drawn: Any = ax or plt.figure(figsize=(7.0, 5.8)).add_subplot(projection="3d")
+    drawn: Any = ax or plt.figure(figsize=(6.4, 5.4), layout="constrained").add_subplot(projection="3d")
     curves = [(np.asarray(t, dtype=float), np.asarray(p)[:, list(entries)]) for t, p in motions]
     low = np.min([curve.min(axis=0) for _, curve in curves], axis=0)
     high = np.max([curve.max(axis=0) for _, curve in curves], axis=0)
@@ -170,7 +171,7 @@ def subspace_angles(
     >>> ax.get_xlabel()
     'time, s'
     """
-    ax = ax or plt.figure(figsize=(8.0, 3.6), layout="constrained").add_subplot()
+    ax = ax or plt.figure(figsize=(6.4, 3.6), layout="constrained").add_subplot()
     times, points = np.asarray(times, dtype=float), np.asarray(points, dtype=float)
     found = np.full((len(times), 3), np.nan)
     for row, (p, h) in enumerate(zip(points, flow.system.field(points), strict=True)):
@@ -190,7 +191,7 @@ def subspace_angles(
     ax.set_ylabel("angle, °")
     ax.margins(x=0)
     ax.grid(color="0.92")
-    ax.legend(frameon=False, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    label_ends(ax)
     return ax
 
 

@@ -87,7 +87,7 @@ def stability_regions(regions: Mapping[str, Any], ax: Axes | None = None) -> Axe
     >>> [text.get_text() for text in ax.get_legend().get_texts()]
     ['Heun  (5.87)', 'RK4  (12.70)']
     """
-    ax = ax or plt.figure(figsize=(7.0, 6.2), layout="constrained").add_subplot()
+    ax = ax or plt.figure(figsize=(7.0, 6.2), layout="compressed").add_subplot()
     handles = []
     for names, region in _same_regions(regions):
         look = style(names[0])
@@ -321,5 +321,9 @@ def work_precision_diagram(
     ax.set_axisbelow(True)
     ax.set_xlabel({"seconds": "computation time, s", "evaluations": "evaluations", "steps": "steps"}[against])
     ax.set_ylabel(_ERROR_LABELS[error])
+    arrow = {"arrowstyle": "-|>", "color": "0.35"}
+    ax.annotate(
+        "better", (0.01, 0.015), (0.04, 0.07), xycoords="axes fraction", color="0.35", arrowprops=arrow
+    )
     ax.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), frameon=False, ncols=1 if len(runs) <= 22 else 2)
     return ax

@@ -328,10 +328,8 @@ def read(directory: str | PathLike[str]) -> Sweep:
     --------
     >>> import tempfile
     >>> from somersault import sweep
-    >>> def square(x):
-    ...     return x * x
     >>> folder = tempfile.mkdtemp()
-    >>> _ = sweep.run(square, sweep.grid(x=[1.0, 2.0]), directory=folder)
+    >>> _ = sweep.run(lambda x: x * x, sweep.grid(x=[1.0, 2.0]), directory=folder, version="1")
     >>> sweep.read(folder).values
     [1.0, 4.0]
     """

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from os import PathLike
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -69,8 +70,9 @@ def resolve(
             )
         found = MOTIONS[kind](found.source)
     if t is not None or q is not None or v is not None:
+        path = "; a path is given by its name, `path=`" if isinstance(t, str | PathLike) else ""
         raise InputError(
-            f"`t`, `q` and `v` must not be given beside a {type(moving).__name__}, which has them"
+            f"`t`, `q` and `v` must not be given beside a {type(moving).__name__}, which has them{path}"
         )
     return found
 
@@ -94,13 +96,18 @@ def _of_dive(dive: ocp.DiveSolution) -> Subject:
 
 def _of_collocation(*phases: ocp.CollocationResult) -> Subject:
     """One phase, or several of one tree: each begins with what the one before it ends with."""
+    model = phases[0].model
+    if model is None:
+        raise TypeError(
+            "`moving` must be of a tree, and the equations of this CollocationResult are not: draw its curves"
+        )
     times, states = [], []
     for k, phase in enumerate(phases):
         t = np.unique(np.concatenate([phase.t, spaced(phase.t[0], phase.t[-1])]))[min(k, 1) :]
         times.append(t)
         states.append(np.asarray(phase.state(t)))
     q, v = np.split(np.concatenate(states), 2, axis=1)
-    return Subject(phases[0].model, np.concatenate(times), q, v)
+    return Subject(model, np.concatenate(times), q, v)
 
 
 def _of_phases(found: ocp.MultiphaseResult) -> Subject:

@@ -412,7 +412,12 @@ class Scene:
         return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], read("viewer.html"))
 
     def write(self, path: str | PathLike[str]) -> Path:
-        """Writes the page to a file and returns its path.
+        """Writes the page to a file and returns its path; films are written by `export`.
+
+        Raises
+        ------
+        InputError
+            The path does not end in .html or .htm.
 
         Examples
         --------
@@ -425,6 +430,8 @@ class Scene:
         'pole.html'
         """
         target = Path(path)
+        if target.suffix.lower() not in (".html", ".htm"):
+            raise InputError(f"`path` must end in .html, found '{target.name}'; `export` writes films")
         target.write_text(self.html(), encoding="utf-8")
         return target
 
@@ -479,6 +486,8 @@ def animate(
     **options: Any,
 ) -> Path:
     """Writes a page that plays one motion; `options` are those of `Scene.add`.
+
+    A result that holds its motion needs no `t` and `q`: ``animate(result, path="dive.html")``.
 
     >>> import tempfile
     >>> from pathlib import Path

@@ -1,5 +1,6 @@
 //! One binary for all tests of the crate, which instantiate and link the same code.
 
+mod allocation;
 mod common;
 mod diagnosis;
 mod extended;
@@ -11,3 +12,8 @@ mod placement;
 mod spectrum;
 mod success;
 mod system;
+
+use somersault_testkit::allocations::Counting;
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;

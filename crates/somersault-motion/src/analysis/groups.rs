@@ -50,7 +50,7 @@ pub fn normalize_frames(times: &[f64], values: &[f64], n_frames: usize) -> Resul
 /// counted with its whole turns ([`Counting`]): about the horizontal axis that was lateral in the first frame,
 /// whatever the twist φ. Frames must be less than a half turn apart, and the tilt τ off ±π/2, as it is not in a
 /// sideflip. None for other roots. Fails where a configuration is not the model's.
-pub fn turns_about(model: &Model, configurations: &[&[f64]]) -> Result<Option<Vec<f64>>, AnalysisError> {
+pub fn somersaults(model: &Model, configurations: &[&[f64]]) -> Result<Option<Vec<f64>>, AnalysisError> {
     const TURN: f64 = std::f64::consts::TAU;
     let is_planar = match model.joint(0).map(Joint::group) {
         Some(Group::PlanarMotions) => true,
@@ -139,7 +139,7 @@ impl GroupComparison {
                 Panel::Scale => seen().map(|f| f.estimate.scale).collect(),
                 Panel::Rotation => {
                     let all: Vec<&[f64]> = seen().map(|f| f.estimate.q.as_slice()).collect();
-                    turns_about(model, &all)?.ok_or(AnalysisError::Held)?
+                    somersaults(model, &all)?.ok_or(AnalysisError::Held)?
                 }
             };
             normalize_frames(&times, &values, n_frames)

@@ -13,7 +13,7 @@ mod pca;
 mod projection;
 
 pub use faults::DiveFaults;
-pub use groups::{Band, GroupComparison, Panel, normalize_frames, turns_about};
+pub use groups::{Band, GroupComparison, Panel, normalize_frames, somersaults};
 pub use pca::Pca;
 pub use projection::{Projection, WeightBounds, project};
 

@@ -105,7 +105,7 @@ impl<'a> Words<'a> {
         word.ok_or_else(|| ReadError::Truncated { place: self.place(), allowed: allowed.to_owned() })
     }
 
-    fn expect(&mut self, keyword: &str) -> Result<(), ReadError> {
+    fn require(&mut self, keyword: &str) -> Result<(), ReadError> {
         let found = self.need(keyword)?;
         if found.eq_ignore_ascii_case(keyword) {
             Ok(())
@@ -160,11 +160,11 @@ pub fn read(text: &str, convention: &Convention) -> Result<SkeletonRecording, Re
         let source = RecordingError::DuplicateName { name: twice.name.clone() };
         return Err(ReadError::Recording { place: twice.place, source });
     }
-    words.expect("Frames:")?;
+    words.require("Frames:")?;
     let declared_at = words.place();
     let n_frames = words.count("a number of frames")?;
-    words.expect("Frame")?;
-    words.expect("Time:")?;
+    words.require("Frame")?;
+    words.require("Time:")?;
     let step_at = words.place();
     let step = words.number("the time of a frame")?;
     if n_frames == 0 {
@@ -248,8 +248,8 @@ fn pose(joint: &BvhJoint, words: &mut Words) -> Result<(Vector3<f64>, UnitQuater
 
 /// From HIERARCHY to MOTION.
 fn hierarchy(words: &mut Words) -> Result<Vec<BvhJoint>, ReadError> {
-    words.expect("HIERARCHY")?;
-    words.expect("ROOT")?;
+    words.require("HIERARCHY")?;
+    words.require("ROOT")?;
     let mut joints: Vec<BvhJoint> = Vec::new();
     // from the root to the joint whose braces are open
     let mut open: Vec<usize> = Vec::new();
@@ -261,9 +261,9 @@ fn hierarchy(words: &mut Words) -> Result<Vec<BvhJoint>, ReadError> {
             "}" => drop(open.pop()),
             "JOINT" => joint(words, &mut joints, &mut open, false)?,
             "END" => {
-                words.expect("Site")?;
+                words.require("Site")?;
                 joint(words, &mut joints, &mut open, true)?;
-                words.expect("}")?;
+                words.require("}")?;
                 open.pop();
                 joints[parent].n_ends += 1;
             }
@@ -279,7 +279,7 @@ fn hierarchy(words: &mut Words) -> Result<Vec<BvhJoint>, ReadError> {
             _ => return Err(unexpected(words.place(), word, ALLOWED)),
         }
     }
-    words.expect("MOTION")?;
+    words.require("MOTION")?;
     Ok(joints)
 }
 
@@ -299,8 +299,8 @@ fn joint(
         _ => words.name()?.to_owned(),
     };
     let place = words.place();
-    words.expect("{")?;
-    words.expect("OFFSET")?;
+    words.require("{")?;
+    words.require("OFFSET")?;
     let offset = words.vector("a coordinate of an offset")?;
     open.push(joints.len());
     joints.push(BvhJoint { name, parent, offset, channels: Vec::new(), n_ends: 0, place });

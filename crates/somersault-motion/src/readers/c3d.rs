@@ -79,7 +79,7 @@ pub fn contradictions(file: &[u8]) -> Result<Vec<Contradiction>, ReadError> {
 fn opened(file: &[u8]) -> Result<(Parameters<'_>, Layout, Vec<Contradiction>), ReadError> {
     let header = bytes(file, 0, BLOCK, "the header")?;
     if header[1] != 0x50 {
-        return Err(unexpected(Place::Byte(1), &format!("{:#04x}", header[1]), "0x50, the mark of C3D"));
+        return Err(unexpected(Place::Byte(1), &format!("{:#04x}", header[1]), "0x50, as in every C3D file"));
     }
     let parameters = Parameters::read(file, header[0])?;
     let (layout, contradictions) = layout(file, header, &parameters)?;

@@ -3,7 +3,7 @@
 use crate::synthetic::{FORWARD_PIKE, flight, judged, planar};
 use nalgebra::{UnitQuaternion, Vector3};
 use somersault_core::argument::ArgumentError;
-use somersault_motion::analysis::{AnalysisError, GroupComparison, Panel, turns_about};
+use somersault_motion::analysis::{AnalysisError, GroupComparison, Panel, somersaults};
 use somersault_motion::fit::{FitOptions, FitStatus, FrameFit, MarkerFit, MarkerSet, MotionFit, Shape};
 use somersault_motion::recording::MarkerRecording;
 use somersault_motion::scoring::{Performance, ScoringModel, ScoringOptions};
@@ -31,16 +31,16 @@ fn somersaults_are_counted_whatever_heading_and_twist() {
         })
         .collect();
     let slices: Vec<&[f64]> = configurations.iter().map(Vec::as_slice).collect();
-    let turns = turns_about(&model, &slices).unwrap().unwrap();
+    let turns = somersaults(&model, &slices).unwrap().unwrap();
     for (i, found) in turns.iter().enumerate() {
         assert!((found - 3.5 * share(i as i32)).abs() < 1e-12, "frame {i}: {found}");
     }
     let mut q = model.neutral();
     q[3..7].fill(0.0);
-    let found = turns_about(&model, &[&model.neutral(), &q]);
+    let found = somersaults(&model, &[&model.neutral(), &q]);
     assert_eq!(found, Err(AnalysisError::NotARotation { row: 1, found: 0.0 }));
     assert!(matches!(
-        turns_about(&model, &[&q[1..]]),
+        somersaults(&model, &[&q[1..]]),
         Err(AnalysisError::Argument(ArgumentError::Length { .. }))
     ));
 
@@ -48,10 +48,10 @@ fn somersaults_are_counted_whatever_heading_and_twist() {
     let mut configurations = [model.neutral(), model.neutral(), model.neutral()];
     (configurations[0][2], configurations[1][2], configurations[2][2]) = (0.5, 0.5 - TAU, 0.5 + 1.5 * TAU);
     let slices: Vec<&[f64]> = configurations.iter().map(Vec::as_slice).collect();
-    let turns = turns_about(&model, &slices).unwrap().unwrap();
+    let turns = somersaults(&model, &slices).unwrap().unwrap();
     assert!((turns[1] - 1.0).abs() < 1e-15 && (turns[2] + 1.5).abs() < 1e-15 && turns[0] == 0.0);
     let held = somersault_multibody::models::TwoLinkArm::default().model().unwrap();
-    assert_eq!(turns_about(&held, &[&held.neutral()]), Ok(None));
+    assert_eq!(somersaults(&held, &[&held.neutral()]), Ok(None));
 }
 
 /// A motion of 31 frames whose panels are polynomials of the fraction u: the weight a u², the error 0.01 u, the

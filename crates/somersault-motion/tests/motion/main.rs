@@ -1,5 +1,6 @@
 //! Tests of recorded motions, as one program.
 
+mod allocation;
 mod analysis;
 mod files;
 mod fitting;
@@ -11,3 +12,8 @@ mod recorded;
 mod scoring;
 mod synthetic;
 mod writers;
+
+use somersault_testkit::allocations::Counting;
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;

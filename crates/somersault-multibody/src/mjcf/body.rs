@@ -123,9 +123,11 @@ impl<'a> World<'a> {
                     return Err(MjcfError::refused(&element, "the world has no joints"));
                 };
                 report.check_attributes(&element, &[&joint::READ, &joint::WITHOUT_EFFECT])?;
-                let styled = match element.tag() {
-                    "joint" => defaults.styled(element, "joint", class)?,
-                    _ => Styled::plain(element),
+                // classes style joints, and no free ones
+                let styled = if element.tag() == "joint" {
+                    defaults.styled(element, "joint", class)?
+                } else {
+                    Styled::plain(element)
                 };
                 let found = BodyJoint::read(styled, &frame, compiler, report)?;
                 self.bodies[body].add_joint(found)?;

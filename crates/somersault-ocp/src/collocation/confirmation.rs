@@ -7,6 +7,7 @@
 //! solution is; it is reported, not required.
 
 use super::error::CollocationError;
+use super::function::VectorFunction;
 use super::problem::{Phase, Problem};
 use super::solution::{PhaseSolution, combine};
 use super::vector::{DrivenPhase, Vector};

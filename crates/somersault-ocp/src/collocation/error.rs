@@ -2,6 +2,7 @@
 
 use super::interval::Interval;
 use somersault_core::argument::ArgumentError;
+use somersault_expr::ExprError;
 use somersault_nlp::{EvaluationError, SolverError};
 use std::fmt;
 
@@ -29,6 +30,9 @@ fn of(phase: Option<usize>) -> String {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CollocationError {
+    /// The derivatives of a traced function cannot be made.
+    #[error(transparent)]
+    Traced(#[from] ExprError),
     /// An argument has the wrong number of entries.
     #[error("`{argument}`{} must have {expected} entries, found {found}", of(*phase))]
     Length {

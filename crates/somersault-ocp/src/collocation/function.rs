@@ -77,6 +77,9 @@ pub trait Terms: Send + Sync {
     fn end_constraints<T: Scalar>(&self, _ends: &Ends<'_, T>, _values: &mut [T]) {}
 }
 
+/// No costs and no constraints.
+impl Terms for () {}
+
 /// A function ℝⁿ → ℝᵐ with derivatives. Of a point the arguments are x, u, p, t; of ends x(t₀), x(t_f), p,
 /// t₀, t_f. Values need not be finite: where one is not, a solver steps back.
 pub trait VectorFunction: Send {

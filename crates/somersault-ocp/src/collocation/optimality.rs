@@ -17,6 +17,7 @@
 //! that of the cost is their square; they are held to √ε.
 
 use super::error::CollocationError;
+use super::function::VectorFunction;
 use super::interval::Interval;
 use super::mesh::GridInterval;
 use super::problem::Phase;

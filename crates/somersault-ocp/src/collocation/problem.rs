@@ -13,8 +13,11 @@ use super::function::{
 use super::guess::Guess;
 use super::interval::{Interval, NO_BOUND};
 use super::linkage::{Linkage, Quantity};
+use super::objective::Objective;
+use super::traced::TracedFunction;
 use super::tree::TreeDynamics;
 use somersault_core::argument::expect_positive;
+use somersault_expr::{ExprError, ExprFunction};
 use std::sync::Arc;
 
 /// A stretch of time with its equations, costs, constraints and bounds.
@@ -24,9 +27,9 @@ pub struct Phase {
     pub(super) sizes: Sizes,
     pub(super) dynamics: Box<dyn VectorFunction>,
     /// L, then g.
-    pub(super) path: Box<dyn VectorFunction>,
+    pub(super) path: Objective,
     /// Φ, then b.
-    pub(super) ends: Box<dyn VectorFunction>,
+    pub(super) ends: Objective,
     pub(super) bounds: PhaseBounds,
     pub(super) scales: Scales,
     pub(super) guess: Option<Guess>,
@@ -88,6 +91,37 @@ impl Phase {
         Self::assemble(sizes, dynamics, terms)
     }
 
+    /// Functions traced into graphs: f over (x, u, p, t), as many states as outputs; L, then path constraints, over the same; Φ,
+    /// then end constraints, over (x(t₀), x(t_f), p, t₀, t_f).
+    pub fn try_traced(
+        [dynamics, path, ends]: [&ExprFunction; 3],
+        n_controls: usize,
+        n_parameters: usize,
+    ) -> Result<Self, CollocationError> {
+        let sizes = Sizes { states: dynamics.n_outputs(), controls: n_controls, parameters: n_parameters };
+        for (argument, function, expected) in [
+            ("inputs of the dynamics", dynamics, sizes.point()),
+            ("inputs of the path", path, sizes.point()),
+            ("inputs of the ends", ends, sizes.ends()),
+        ] {
+            expect_length(None, argument, function.n_inputs(), expected)?;
+        }
+        for (argument, function) in [("outputs of the path", path), ("outputs of the ends", ends)] {
+            if function.n_outputs() == 0 {
+                return Err(CollocationError::Length { phase: None, argument, expected: 1, found: 0 });
+            }
+        }
+        let boxed = |function| Ok::<_, ExprError>(Box::new(TracedFunction::try_new(function)?));
+        Ok(Self::with_derivatives(boxed(dynamics)?, n_controls, n_parameters, ())
+            .terms_with_derivatives(boxed(path)?, boxed(ends)?))
+    }
+
+    /// Names of states and controls, for errors and messages.
+    pub fn names(mut self, states: impl Into<Vec<String>>, controls: impl Into<Vec<String>>) -> Self {
+        self.names = Names { states: states.into(), controls: controls.into() };
+        self
+    }
+
     fn assemble(sizes: Sizes, dynamics: Box<dyn VectorFunction>, terms: impl Terms + 'static) -> Self {
         let terms = Arc::new(terms);
         let free = |n: usize| vec![Interval::FREE; n];
@@ -105,13 +139,26 @@ impl Phase {
         Self {
             sizes,
             dynamics,
-            path: Box::new(ByDuals::new(PathFormula(terms.clone(), sizes), sizes.point())),
-            ends: Box::new(ByDuals::new(EndFormula(terms, sizes), sizes.ends())),
+            path: Objective::new(Box::new(ByDuals::new(PathFormula(terms.clone(), sizes), sizes.point()))),
+            ends: Objective::new(Box::new(ByDuals::new(EndFormula(terms, sizes), sizes.ends()))),
             bounds,
             scales: Scales { state: Vec::new(), control: Vec::new() },
             guess: None,
             names: Names::default(),
         }
+    }
+
+    /// Costs and constraints that bring their derivatives: L, then path constraints, over (x, u, p, t); Φ, then end constraints,
+    /// over (x(t₀), x(t_f), p, t₀, t_f). They replace those that the phase was made with, and their bounds are free.
+    pub fn terms_with_derivatives(
+        mut self,
+        path: Box<dyn VectorFunction>,
+        ends: Box<dyn VectorFunction>,
+    ) -> Self {
+        let free = |n: usize| vec![Interval::FREE; n.saturating_sub(1)];
+        (self.bounds.path, self.bounds.end) = (free(path.n_outputs()), free(ends.n_outputs()));
+        (self.path, self.ends) = (Objective::new(path), Objective::new(ends));
+        self
     }
 
     /// Bounds of x at all times, one for each state.

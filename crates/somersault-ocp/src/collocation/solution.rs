@@ -6,6 +6,7 @@
 
 use super::bounds::PhaseBounds;
 use super::error::{CollocationError, expect_length};
+use super::function::VectorFunction;
 use super::guess::Guess;
 use super::layout::PhaseLayout;
 use super::mesh::{Grid, GridInterval, Mesh};
@@ -88,6 +89,11 @@ impl TryFrom<Parts> for PhaseSolution {
 }
 
 impl PhaseSolution {
+    /// Other values of a control at the collocation points.
+    pub(super) fn set_control(&mut self, control: usize, values: impl Iterator<Item = f64>) {
+        self.rows.controls.iter_mut().zip(values).for_each(|(row, value)| row[control] = value);
+    }
+
     /// A solution from its rows, one that was stored, say.
     pub fn try_new(mesh: Mesh, horizon: (f64, f64), rows: PhaseRows) -> Result<Self, CollocationError> {
         let (start, end) = horizon;

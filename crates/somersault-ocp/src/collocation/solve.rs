@@ -2,6 +2,7 @@
 
 use super::confirmation::{Confirmation, confirm_cancellable};
 use super::error::CollocationError;
+use super::guess::Guess;
 use super::mesh::Mesh;
 use super::optimality::{Accuracy, optimality};
 use super::problem::Problem;
@@ -9,13 +10,14 @@ use super::radau::MAX_POINTS;
 use super::refinement;
 use super::solution::{PhaseSolution, RestMultipliers};
 use super::transcription::Transcription;
+use super::winding::unwind;
 use somersault_core::argument::expect_positive;
 use somersault_core::cancel::CancellationToken;
 use somersault_nlp::{Flow, Globalisation, Iteration, NlpSolver, Report, Sqp, Start, Status};
 use std::time::{Duration, Instant};
 
 /// How far an infeasible point of a mesh may be from feasible for the next mesh to start from it.
-const USABLE: f64 = 1e-4;
+pub(super) const USABLE: f64 = 1e-4;
 /// Meshes in a row that leave more than this fraction of the least error before them, after which there is no other.
 const PATIENCE: usize = 5;
 const WORTHWHILE: f64 = 0.5;
@@ -79,6 +81,9 @@ pub enum CollocationStatus {
 pub struct MeshRecord {
     /// One for each phase.
     pub meshes: Vec<Mesh>,
+    /// Whether the program was one of minimum effort on a fixed horizon, for a start: its cost is the effort, and its errors are
+    /// [unknown](Accuracy::UNKNOWN).
+    pub is_start: bool,
     /// Cost as the program sees it.
     pub cost: f64,
     /// Estimated errors.
@@ -110,6 +115,13 @@ pub struct CollocationReport {
 }
 
 impl CollocationReport {
+    /// Whether the first program had no motion, and a better start may have one.
+    fn is_lost(&self) -> bool {
+        let is_lost =
+            |status| matches!(status, Status::Infeasible | Status::IterationLimit | Status::Stalled);
+        self.history.len() == 1 && self.history.iter().all(|mesh| is_lost(mesh.status))
+    }
+
     /// Estimated errors of the solution.
     pub fn accuracy(&self) -> Accuracy {
         self.history.last().map_or_else(Accuracy::default, |mesh| mesh.accuracy)
@@ -117,8 +129,9 @@ impl CollocationReport {
 }
 
 impl<S: NlpSolver> Collocation<S> {
-    /// Solves, from the guesses of the phases and from `meshes`, one for each phase. `on_iteration` sees each
-    /// step of each program, and ends the search by [`Flow::Stop`].
+    /// Solves, from the guesses of the phases and from `meshes`, one for each phase. Where the first program has no motion, the
+    /// search starts again from one of minimum effort, on horizons of an eighth of the guess's and longer until there is one.
+    /// `on_iteration` sees each step of each program, and ends the search by [`Flow::Stop`].
     pub fn solve(
         &self,
         problem: &mut Problem,
@@ -139,21 +152,45 @@ impl<S: NlpSolver> Collocation<S> {
         token: &CancellationToken,
     ) -> Result<CollocationReport, CollocationError> {
         self.check()?;
+        let found = self.search(problem, meshes, None, Vec::new(), on_iteration, token)?;
+        if !found.is_lost() {
+            return Ok(found);
+        }
+        let mut starts = Vec::new();
+        let Some(start) = self.feasible_start(problem, meshes, on_iteration, &mut starts)? else {
+            starts.extend(found.history);
+            return Ok(CollocationReport { history: starts, ..found });
+        };
+        let history = found.history.into_iter().chain(starts).collect();
+        self.search(problem, meshes, Some(&start), history, on_iteration, token)
+    }
+
+    /// One search, from the guesses of the phases or from others; `history` has what was tried before it.
+    fn search(
+        &self,
+        problem: &mut Problem,
+        meshes: &[Mesh],
+        guesses: Option<&[Guess]>,
+        mut history: Vec<MeshRecord>,
+        on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
+        token: &CancellationToken,
+    ) -> Result<CollocationReport, CollocationError> {
+        let tried_before = history.len();
         let mut meshes = meshes.to_vec();
-        let mut history: Vec<MeshRecord> = Vec::new();
         let mut previous: Option<(Vec<PhaseSolution>, RestMultipliers)> = None;
         loop {
             let began = Instant::now();
             let mut transcription = Transcription::try_new(problem, &meshes)?;
-            let start = match &previous {
-                None => transcription.decision_of_guess().into(),
-                Some((phases, rest)) => {
+            let start = match (&previous, guesses) {
+                (None, None) => transcription.decision_of_guess().into(),
+                (None, Some(guesses)) => transcription.start(guesses).into(),
+                (Some((phases, rest)), _) => {
                     let (z, constraint_multipliers) = transcription.continued(phases, rest);
                     Start { z, constraint_multipliers, ..Start::default() }
                 }
             };
             let program = self.solver.solve(&mut transcription, &start, on_iteration)?;
-            let phases = transcription.solution(&program.z, &program.constraint_multipliers)?;
+            let mut phases = transcription.solution(&program.z, &program.constraint_multipliers)?;
             let rest = transcription.rest(&program.constraint_multipliers);
             let held: Vec<_> = (0..phases.len())
                 .map(|k| transcription.state_multipliers(k, &program.bound_multipliers))
@@ -161,6 +198,9 @@ impl<S: NlpSolver> Collocation<S> {
             let runs_away = program.status.is_converged()
                 && transcription.time_runs_away(&program.z, &program.constraint_multipliers)?;
             drop(transcription);
+            for (phase, solution) in problem.phases.iter_mut().zip(&mut phases) {
+                unwind(phase, solution)?;
+            }
             let is_cut = token.is_cancelled();
             let size = program.cost.abs().max(1.0);
             let (mut errors, mut optimal) = (Vec::new(), Vec::new());
@@ -177,6 +217,7 @@ impl<S: NlpSolver> Collocation<S> {
             }
             history.push(MeshRecord {
                 meshes: meshes.clone(),
+                is_start: false,
                 cost: program.cost,
                 accuracy,
                 status: program.status,
@@ -184,10 +225,11 @@ impl<S: NlpSolver> Collocation<S> {
                 time: began.elapsed(),
             });
             let is_met = program.status.is_converged() && accuracy.meets(self.tolerance);
-            let is_last = history.len() >= self.max_meshes || self.has_settled(&history);
+            let here = &history[tried_before..];
+            let is_last = here.len() >= self.max_meshes || self.has_settled(here);
             // a finer mesh may help a program out, and has not
-            let creeps = history.len() >= CREEPING
-                && history.iter().rev().take(CREEPING).all(|mesh| mesh.status == Status::IterationLimit);
+            let creeps = here.len() >= CREEPING
+                && here.iter().rev().take(CREEPING).all(|mesh| mesh.status == Status::IterationLimit);
             if is_cut || is_met || runs_away || is_last || creeps || !is_usable(&program) {
                 return self.report(problem, phases, history, program, runs_away, token);
             }

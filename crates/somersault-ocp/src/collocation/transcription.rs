@@ -13,6 +13,7 @@
 
 use super::entries::{Recorder, Sink, Slots};
 use super::error::CollocationError;
+use super::function::VectorFunction;
 use super::guess::Guess;
 use super::layout::Variables;
 use super::mesh::{Grid, Mesh};

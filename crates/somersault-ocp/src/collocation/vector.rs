@@ -1,5 +1,6 @@
 //! ẋ = f(t, x) on ℝⁿ as a system for the integrators.
 
+use super::function::VectorFunction;
 use super::problem::Phase;
 use super::solution::{PhaseSolution, combine};
 use somersault_integrators::nalgebra::Vector3;

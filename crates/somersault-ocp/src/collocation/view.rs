@@ -1,7 +1,7 @@
 //! One phase of a transcription: what its functions gave last, and the loops that make derivatives of it.
 
 use super::entries::Sink;
-use super::function::Sizes;
+use super::function::{Sizes, VectorFunction};
 use super::layout::PhaseLayout;
 use super::mesh::Grid;
 use super::problem::Phase;

@@ -4,7 +4,7 @@ use crate::contact::contacts::Contact;
 use crate::contact::laws::{CompliantLaw, CoulombFriction, laws};
 use crate::core::convert::{finite, vector};
 use crate::core::error::Error;
-use crate::core::value::{Pickled, by_restore};
+use crate::core::value::{Pickled, by_restore, counted, digits};
 use crate::integrators::bodies::{RigidBody, State};
 use crate::integrators::forces::Gravity;
 use pyo3::prelude::*;
@@ -49,7 +49,8 @@ impl ContactSystem {
 #[pymethods]
 impl ContactSystem {
     fn __repr__(&self) -> String {
-        format!("<ContactSystem: a body of {} kg, {} contacts>", self.body.0.mass(), self.contacts.len())
+        let contacts = counted(self.contacts.len(), "contact", "contacts");
+        format!("<ContactSystem: a body of {} kg, {contacts}>", digits(self.body.0.mass()))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {

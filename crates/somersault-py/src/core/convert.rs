@@ -130,8 +130,14 @@ fn too_many(argument: &str) -> Error {
     Error::input(format!("the numbers of `{argument}` need more memory than there is"))
 }
 
-/// The type of an object in a message: a list, an int.
+/// The type of an object in a message: an int, a tuple of length 3, the class Gravity.
 pub(crate) fn a_type(value: &Bound<'_, PyAny>) -> String {
+    if let Ok(class) = value.cast::<PyType>() {
+        return class.name().map_or_else(|_| "a class".to_owned(), |name| format!("the class {name}"));
+    }
+    if let Ok(tuple) = value.cast::<PyTuple>() {
+        return format!("a tuple of length {}", tuple.len());
+    }
     let name = value.get_type().name().map_or_else(|_| "?".to_owned(), |name| name.to_string());
     let vowel = name.starts_with(['a', 'e', 'i', 'o', 'u', 'A', 'E', 'I', 'O', 'U']);
     format!("{} {name}", if vowel { "an" } else { "a" })

@@ -147,6 +147,7 @@ impl Error {
 /// The end of a message about a name that is unknown: the known one that was perhaps meant.
 pub(crate) fn did_you_mean<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> String {
     let known: Vec<&str> = known.into_iter().collect();
+    let name = name.to_lowercase();
     let closest = Python::attach(|py| -> PyResult<Vec<String>> {
         py.import("difflib")?.call_method1("get_close_matches", (name, known, 1))?.extract()
     });

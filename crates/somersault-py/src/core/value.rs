@@ -36,6 +36,16 @@ pub(crate) fn brief(text: &str, most: usize) -> String {
     if line.chars().count() <= most { line } else { line.chars().take(most - 1).chain(['…']).collect() }
 }
 
+/// A number in a `repr`, in six significant digits.
+pub(crate) fn digits(x: f64) -> f64 {
+    format!("{x:.5e}").parse().unwrap_or(x)
+}
+
+/// A count in a `repr`, with the noun that it counts.
+pub(crate) fn counted(n: usize, one: &str, more: &str) -> String {
+    format!("{n} {}", if n == 1 { one } else { more })
+}
+
 /// A list in a `repr`: all of it if it is short, and otherwise its ends.
 pub(crate) fn few<T: Display>(items: &[T]) -> String {
     const ENDS: usize = 3;

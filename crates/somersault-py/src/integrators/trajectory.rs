@@ -6,6 +6,7 @@ use crate::core::value::{Pickled, by_restore, value};
 use crate::integrators::bodies::{RigidBody, State};
 use crate::integrators::event::{Event, Events};
 use crate::integrators::seen::{Curves, Seen};
+use crate::multibody::model::Model;
 use pyo3::exceptions::{PyIndexError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -30,8 +31,15 @@ impl Cast {
             return Ok(Self { bodies: vec![body], single: true });
         }
         let wrong = |found: &Bound<'_, PyAny>| {
+            let tree = if found.is_instance_of::<Model>() {
+                "; a tree is integrated by `multibody.integrate_tree`"
+            } else {
+                ""
+            };
             let found = a_type(found);
-            Error::input(format!("`{argument}` must be a RigidBody or a sequence of them, found {found}"))
+            Error::input(format!(
+                "`{argument}` must be a RigidBody or a sequence of them, found {found}{tree}"
+            ))
         };
         let list = sequence(value).ok_or_else(|| wrong(value))?;
         let mut bodies = Vec::new();

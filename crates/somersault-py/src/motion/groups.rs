@@ -302,10 +302,10 @@ pub(crate) fn normalize_frames<'py>(
     Ok(numbers_array(py, &analysis::normalize_frames(&times, &values, n_frames)?))
 }
 
-/// How far the root of a tree has turned about the lateral axis since the first configuration.
+/// Somersaults that the root of a tree, the torso of a diver, has made since the first configuration.
 ///
-/// Of a planar root that is its angle. Of a floating one it is the sum of the rotations' part along the lateral axis of
-/// the body: somersaults are counted without regard to twist. Configurations must be less than a half turn apart.
+/// Of a planar root that is its angle. Of a free one it is the turn about the horizontal axis that was lateral in the first
+/// configuration, whatever the twist. Configurations must be less than a half turn apart.
 ///
 /// Parameters
 /// ----------
@@ -315,7 +315,7 @@ pub(crate) fn normalize_frames<'py>(
 /// Returns
 /// -------
 /// ndarray, shape (n,), or None
-///     Turns, forwards positive; None for a root that does not turn so.
+///     In turns, forwards positive; None for a root that does not turn so.
 ///
 /// Raises
 /// ------
@@ -331,10 +331,10 @@ pub(crate) fn normalize_frames<'py>(
 /// >>> diver = multibody.diver_planar()
 /// >>> q = np.tile(diver.configuration("A"), (20, 1))
 /// >>> q[:, 2] = np.linspace(0.0, -3 * np.pi, 20)
-/// >>> round(float(motion.turns_about(diver.model, q)[-1]), 6)
+/// >>> round(float(motion.somersaults(diver.model, q)[-1]), 6)
 /// 1.5
 #[pyfunction]
-pub(crate) fn turns_about<'py>(
+pub(crate) fn somersaults<'py>(
     py: Python<'py>,
     model: &Bound<'py, Model>,
     q: &Bound<'py, PyAny>,
@@ -350,5 +350,5 @@ pub(crate) fn turns_about<'py>(
     }
     let rows = q.transpose();
     let rows: Vec<&[f64]> = rows.as_slice().chunks_exact(n).collect();
-    Ok(analysis::turns_about(model, &rows)?.map(|turns| numbers_array(py, &turns)))
+    Ok(analysis::somersaults(model, &rows)?.map(|turns| numbers_array(py, &turns)))
 }

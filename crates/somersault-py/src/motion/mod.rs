@@ -24,7 +24,7 @@ pub(crate) mod module {
     #[pymodule_export]
     use crate::motion::fit::{MarkerFit, MarkerSet};
     #[pymodule_export]
-    use crate::motion::groups::{Band, GroupComparison, normalize_frames, turns_about};
+    use crate::motion::groups::{Band, GroupComparison, normalize_frames, somersaults};
     #[pymodule_export]
     use crate::motion::judged::{JudgedSet, read_judged};
     #[pymodule_export]

@@ -85,6 +85,33 @@ type Estimates<'py> =
 type Searches = ((Vec<String>, Vec<Vec<String>>), Vec<usize>, bool);
 
 impl MotionFit {
+    /// Names of the unknowns of a frame.
+    fn unknown_names(&self) -> Vec<String> {
+        let (model, options) = (self.fit.get().fit.model(), self.fit.get().fit.options());
+        let of_body = |(i, link): (usize, &Link)| {
+            let n = model.velocities_of(i).len();
+            let name = link.name().to_owned();
+            (0..n).map(move |k| if n == 1 { name.clone() } else { format!("{name} {k}") })
+        };
+        let mut names = vec!["scale".to_owned()];
+        match &options.shape {
+            Shape::Joints => names.extend(model.links().iter().enumerate().flat_map(of_body)),
+            Shape::Eigenpostures(base) => {
+                names.extend(model.links().iter().enumerate().take(1).flat_map(of_body));
+                names.extend((0..base.n_weights()).map(|k| format!("weight {k}")));
+            }
+        }
+        names
+    }
+
+    /// Names of the unknowns that have a status in any frame.
+    fn unknowns_that_are(&self, status: UnknownStatus) -> Option<String> {
+        let is_so = |k: usize| self.motion.frames.iter().any(|frame| frame.unknowns.get(k) == Some(&status));
+        let names = self.unknown_names().into_iter().enumerate().filter(|(k, _)| is_so(*k));
+        let names: Vec<String> = names.map(|(_, name)| name).collect();
+        (!names.is_empty()).then(|| names.join(", "))
+    }
+
     /// As many numbers of each frame as the first has.
     fn rows<'py>(
         &self,
@@ -130,13 +157,40 @@ value! {
         /// bool: Whether the search of every frame that has markers came to a minimum, at least one did, and a common scale too.
         converged: bool = |own| own.motion.converged();
         /// bool: Whether every frame has markers, its search converged, the markers determine every unknown, and neither limits nor
-        /// mirrored axes nor the noise contradict them. Where it is False, `status` and `unknown_status` say why.
+        /// mirrored axes nor the noise contradict them. Where it is False, `message` says why, and `status` and `unknown_status`
+        /// say so of each frame.
         success: bool = |own| own.motion.success();
     }
 }
 
 #[pymethods]
 impl MotionFit {
+    /// str: Whether it is a success, or why not: how many frames ended otherwise than converged, and which unknowns the markers do not
+    /// determine or would have beyond their limits.
+    #[getter]
+    fn message(&self) -> String {
+        let frames = &self.motion.frames;
+        let mut reasons: Vec<String> = (FitStatus::ALL.iter())
+            .map(|(status, name)| {
+                (status, name, frames.iter().filter(|frame| frame.status == *status).count())
+            })
+            .filter(|(status, _, n)| **status != FitStatus::Converged && *n > 0)
+            .map(|(_, name, n)| format!("{n} of {} frames: {}", frames.len(), name.replace('_', " ")))
+            .collect();
+        if !self.motion.scale_converged {
+            reasons.push("the common scale has not converged".to_owned());
+        }
+        let undetermined = self.unknowns_that_are(UnknownStatus::Undetermined);
+        reasons.extend(undetermined.map(|names| format!("not determined by the markers: {names}")));
+        let beyond = self.unknowns_that_are(UnknownStatus::BeyondLimit);
+        reasons.extend(beyond.map(|names| format!("beyond their limits: {names}")));
+        if reasons.is_empty() {
+            "converged, and every unknown is determined".to_owned()
+        } else {
+            reasons.join("; ")
+        }
+    }
+
     /// ndarray, shape (n_frames, n_weights): Weights of the eigenpostures; none where joints were fitted.
     #[getter]
     fn weights<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
@@ -167,21 +221,7 @@ impl MotionFit {
     /// freedom of the root, then of the joints, by the bodies they carry, or the weights. A joint of several is numbered: ``'torso 0'``, ….
     #[getter]
     fn unknowns<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        let (model, options) = (self.fit.get().fit.model(), self.fit.get().fit.options());
-        let of_body = |(i, link): (usize, &Link)| {
-            let n = model.velocities_of(i).len();
-            let name = link.name().to_owned();
-            (0..n).map(move |k| if n == 1 { name.clone() } else { format!("{name} {k}") })
-        };
-        let mut names = vec!["scale".to_owned()];
-        match &options.shape {
-            Shape::Joints => names.extend(model.links().iter().enumerate().flat_map(of_body)),
-            Shape::Eigenpostures(base) => {
-                names.extend(model.links().iter().enumerate().take(1).flat_map(of_body));
-                names.extend((0..base.n_weights()).map(|k| format!("weight {k}")));
-            }
-        }
-        PyTuple::new(py, names)
+        PyTuple::new(py, self.unknown_names())
     }
 
     /// list of tuple of str: For each frame what is known of each unknown: ``'determined'``; ``'undetermined'`` where no marker

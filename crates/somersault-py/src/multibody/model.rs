@@ -3,7 +3,7 @@
 use crate::core::convert::{a_type, sequence, vector_array, vector_or};
 use crate::core::error::{Error, did_you_mean};
 use crate::core::rows::{self, Results, Rows, Workspaces};
-use crate::core::value::{Pickled, brief, by_restore, value};
+use crate::core::value::{Pickled, brief, by_restore, counted, digits, few, value};
 use crate::multibody::link::Link;
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PySlice, PyType};
@@ -100,8 +100,12 @@ impl Model {
 
     fn body_of(&self, name: &str) -> Result<usize, Error> {
         self.model.body(name).map_err(|error| {
-            let known = self.model.links().iter().map(multibody::Link::name);
-            Error::from(error).followed_by(&did_you_mean(name, known))
+            let known: Vec<&str> = self.model.links().iter().map(multibody::Link::name).collect();
+            let meant = match did_you_mean(name, known.iter().copied()) {
+                meant if meant.is_empty() => format!("; the bodies are {}", few(&known)),
+                meant => meant,
+            };
+            Error::from(error).followed_by(&meant)
         })
     }
 
@@ -426,9 +430,10 @@ impl Model {
     }
 
     fn __repr__(&self) -> String {
-        let (bodies, n) = (self.model.n_bodies(), self.model.n_velocities());
+        let bodies = counted(self.model.n_bodies(), "body", "bodies");
+        let freedom = counted(self.model.n_velocities(), "degree", "degrees");
         let root = brief(self.model.name(0).unwrap_or_default(), 40);
-        format!("<Model: {bodies} bodies from '{root}', {n} degrees of freedom, {} kg>", self.model.mass())
+        format!("<Model: {bodies} from '{root}', {freedom} of freedom, {} kg>", digits(self.model.mass()))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {

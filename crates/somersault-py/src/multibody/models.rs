@@ -1,11 +1,12 @@
 //! Trees with a name in the literature: a function of `functions!` for each.
 
+use crate::core::convert::array;
 use crate::core::error::Error;
 use crate::core::functions::functions;
 use crate::core::value::{Pickled, by_restore, value};
 use crate::multibody::model::Model;
 use pyo3::prelude::*;
-use pyo3::types::{PyTuple, PyType};
+use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::multibody::models::{self, CartPendulum, Dimension, Posture, TwoLinkArm};
 
 /// A diver of a given size, as `diver_planar` and `diver_spatial` make them.
@@ -78,6 +79,46 @@ impl Diver {
     fn configuration<'py>(&self, py: Python<'py>, posture: &str) -> Result<Bound<'py, PyAny>, Error> {
         let q = self.diver.configuration(posture.parse()?)?;
         Ok(numpy::PyArray1::from_vec(py, q).into_any())
+    }
+
+    /// The angles of the joints by their names, which are those of `dof_names` beside the root's.
+    ///
+    /// Parameters
+    /// ----------
+    /// q : array_like, shape (n_positions,) or (n, n_positions)
+    ///     A configuration, or those of a motion, such as `MotionFit.q`.
+    ///
+    /// Returns
+    /// -------
+    /// dict of str to ndarray, shape () or (n,)
+    ///     Angles, rad.
+    ///
+    /// Raises
+    /// ------
+    /// InputError
+    ///     If a shape does not fit, a number is not finite, or the quaternion of the root is not of unit length.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import multibody
+    /// >>> diver = multibody.diver_spatial()
+    /// >>> angles = diver.angles([diver.configuration("A"), diver.configuration("F")])
+    /// >>> np.degrees(angles["right_knee"]).round(1)
+    /// array([  0., 135.])
+    fn angles<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> Result<Bound<'py, PyDict>, Error> {
+        let tree = self.model.get();
+        let rows = tree.q("q", q)?;
+        let (all, width) = (rows.all()?, tree.model.n_positions());
+        let root = tree.model.velocities_of(0).len();
+        let names = &self.diver.dof_names()[root..];
+        let found = PyDict::new(py);
+        for (name, column) in names.iter().zip(width - names.len()..) {
+            let values: Vec<f64> = all.chunks_exact(width).map(|row| row[column]).collect();
+            let shape = if rows.is_many() { vec![values.len()] } else { vec![] };
+            found.set_item(name, array(py, values, &shape)?)?;
+        }
+        Ok(found)
     }
 
     fn __repr__(&self) -> String {

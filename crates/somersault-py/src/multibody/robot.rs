@@ -2,9 +2,9 @@
 
 use crate::core::convert::{components, rotation, vector_array};
 use crate::core::error::Error;
-use crate::core::value::{Pickled, brief, by_restore, value};
+use crate::core::value::{Pickled, brief, by_restore, counted, value};
 use crate::multibody::model::Model;
-use crate::multibody::source::{PickledSource, Source};
+use crate::multibody::source::{PickledSource, Source, in_file, text_given};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::multibody::robot::{self, GeometryPurpose, GeometryShape};
@@ -128,7 +128,7 @@ impl Robot {
         base: &str,
         gravity: Option<&Bound<'_, PyAny>>,
     ) -> Result<Self, Error> {
-        Self::read(py, Source::urdf(text, base, gravity)?)
+        Self::read(py, Source::urdf(text_given(text, "read_urdf")?, base, gravity)?)
     }
 
     /// The robot of a URDF file, as `from_urdf` reads it.
@@ -169,7 +169,7 @@ impl Robot {
         base: &str,
         gravity: Option<&Bound<'_, PyAny>>,
     ) -> Result<Self, Error> {
-        Self::read(py, Source::urdf_file(&path, base, gravity)?)
+        in_file(&path, Self::read(py, Source::urdf_file(&path, base, gravity)?))
     }
 
     /// The robot of an MJCF document.
@@ -209,7 +209,7 @@ impl Robot {
     #[staticmethod]
     #[pyo3(signature = (text, *, gravity=None))]
     fn from_mjcf(py: Python<'_>, text: String, gravity: Option<&Bound<'_, PyAny>>) -> Result<Self, Error> {
-        Self::read(py, Source::mjcf(text, gravity)?)
+        Self::read(py, Source::mjcf(text_given(text, "read_mjcf")?, gravity)?)
     }
 
     /// The robot of an MJCF file with those that it includes, as `from_mjcf` reads it.
@@ -242,16 +242,17 @@ impl Robot {
     /// >>> _ = (folder / "robot.xml").write_text('''<mujoco model="robot"><worldbody>
     /// ...   <include file="leg.xml"/></worldbody></mujoco>''')
     /// >>> multibody.Robot.read_mjcf(folder / "robot.xml")
-    /// <Robot 'robot': 1 bodies, 0 repairs>
+    /// <Robot 'robot': 1 body, 0 repairs>
     #[staticmethod]
     #[pyo3(signature = (path, *, gravity=None))]
     fn read_mjcf(py: Python<'_>, path: PathBuf, gravity: Option<&Bound<'_, PyAny>>) -> Result<Self, Error> {
-        Self::read(py, Source::mjcf_file(&path, gravity)?)
+        in_file(&path, Self::read(py, Source::mjcf_file(&path, gravity)?))
     }
 
     fn __repr__(&self) -> String {
-        let (n_bodies, n_repairs) = (self.model.get().model.n_bodies(), self.repairs.len());
-        format!("<Robot '{}': {n_bodies} bodies, {n_repairs} repairs>", brief(&self.name, 40))
+        let bodies = counted(self.model.get().model.n_bodies(), "body", "bodies");
+        let repairs = counted(self.repairs.len(), "repair", "repairs");
+        format!("<Robot '{}': {bodies}, {repairs}>", brief(&self.name, 40))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {

@@ -1,7 +1,8 @@
 //! Documents of trees, URDF and MJCF: where they come from, and what they do not say.
 
 use crate::core::convert::{vector, vector_array, vector_or};
-use crate::core::error::Error;
+use crate::core::error::{Class, Error};
+use crate::core::value::brief;
 use crate::multibody::model::Model;
 use pyo3::prelude::*;
 use somersault::multibody::mjcf::{MjcfFiles, MjcfOptions};
@@ -20,8 +21,31 @@ pub(crate) enum Source {
 pub(crate) type PickledSource<'py> =
     (String, String, BTreeMap<String, String>, Option<String>, Option<Bound<'py, PyAny>>);
 
+/// The text of a file, which Python opens: its exceptions name the file.
 fn text_of(path: &Path) -> Result<String, Error> {
-    Ok(std::fs::read_to_string(path).map_err(PyErr::from)?)
+    let bytes: Vec<u8> = Python::attach(|py| {
+        py.import("pathlib")?.call_method1("Path", (path,))?.call_method0("read_bytes")?.extract()
+    })?;
+    String::from_utf8(bytes).map_err(|_| Error::read(format!("{}: not UTF-8", path.display())))
+}
+
+/// The text of an argument, which may have been meant as a path.
+pub(crate) fn text_given(text: String, read: &str) -> Result<String, Error> {
+    if text.contains('<') || text.contains('\n') {
+        return Ok(text);
+    }
+    Err(Error::read(format!(
+        "`text` must be a document of XML, found '{}'; a file is read by `{read}`",
+        brief(&text, 40)
+    )))
+}
+
+/// The same error, which names the file.
+pub(crate) fn in_file<T>(path: &Path, found: Result<T, Error>) -> Result<T, Error> {
+    found.map_err(|error| match error {
+        Error::Own { class: Class::Read, message } => Error::read(format!("{}: {message}", path.display())),
+        other => other,
+    })
 }
 
 impl Source {
@@ -139,7 +163,7 @@ impl Model {
     #[staticmethod]
     #[pyo3(signature = (text, *, base="fixed", gravity=None))]
     fn from_urdf(text: String, base: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<Self, Error> {
-        strict(Source::urdf(text, base, gravity)?)
+        strict(Source::urdf(text_given(text, "read_urdf")?, base, gravity)?)
     }
 
     /// The tree of a URDF file, as `from_urdf` reads it: `Robot.read_urdf` repairs what this refuses.
@@ -175,7 +199,7 @@ impl Model {
     #[staticmethod]
     #[pyo3(signature = (path, *, base="fixed", gravity=None))]
     fn read_urdf(path: PathBuf, base: &str, gravity: Option<&Bound<'_, PyAny>>) -> Result<Self, Error> {
-        strict(Source::urdf_file(&path, base, gravity)?)
+        in_file(&path, strict(Source::urdf_file(&path, base, gravity)?))
     }
 
     /// The tree of an MJCF document.
@@ -205,11 +229,11 @@ impl Model {
     /// >>> ball = multibody.Model.from_mjcf('''<mujoco><worldbody><body name="ball">
     /// ...   <freejoint/><geom size="0.1" mass="2"/></body></worldbody></mujoco>''')
     /// >>> ball
-    /// <Model: 1 bodies from 'ball', 6 degrees of freedom, 2 kg>
+    /// <Model: 1 body from 'ball', 6 degrees of freedom, 2 kg>
     #[staticmethod]
     #[pyo3(signature = (text, *, gravity=None))]
     fn from_mjcf(text: String, gravity: Option<&Bound<'_, PyAny>>) -> Result<Self, Error> {
-        strict(Source::mjcf(text, gravity)?)
+        strict(Source::mjcf(text_given(text, "read_mjcf")?, gravity)?)
     }
 
     /// The tree of an MJCF file with those that it includes, as `from_mjcf` reads it: `Robot.read_mjcf` repairs and lists what
@@ -245,7 +269,7 @@ impl Model {
     #[staticmethod]
     #[pyo3(signature = (path, *, gravity=None))]
     fn read_mjcf(path: PathBuf, gravity: Option<&Bound<'_, PyAny>>) -> Result<Self, Error> {
-        strict(Source::mjcf_file(&path, gravity)?)
+        in_file(&path, strict(Source::mjcf_file(&path, gravity)?))
     }
 
     /// The tree as a URDF document.

@@ -9,12 +9,14 @@ mod problem;
 mod result;
 mod search;
 mod terms;
+mod traced;
 
 pub(crate) use multiphase::MultiphaseProblem;
 pub(crate) use multiphase_result::MultiphaseResult;
 pub(crate) use outcome::CollocationOutcome;
 pub(crate) use problem::CollocationProblem;
 pub(crate) use result::CollocationResult;
+pub(crate) use traced::TracedProblem;
 
 /// Names that the library has for arguments of these classes.
 const NAMES: [(&str, &str); 4] = [

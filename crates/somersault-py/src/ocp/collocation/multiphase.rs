@@ -89,7 +89,7 @@ impl MultiphaseProblem {
     fn check_links(&self) -> Result<(), Error> {
         for (k, jumps) in self.links.iter().enumerate() {
             let (left, right) = (self.phases[k].get(), self.phases[k + 1].get());
-            let names = left.state_names()?;
+            let names = left.subject()?.states;
             for (entry, jump) in jumps.iter().enumerate() {
                 let (end, start) = (left.final_state[entry], right.initial_state[entry]);
                 let reach = Interval::new(start.lower - end.upper, start.upper - end.lower);

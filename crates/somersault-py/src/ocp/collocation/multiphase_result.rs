@@ -38,9 +38,10 @@ impl MultiphaseResult {
         tol: f64,
     ) -> Result<Py<Self>, Error> {
         let phase = |(k, problem): (usize, &Py<CollocationProblem>)| {
-            CollocationResult::of(py, of_phase(&report, k), &problem.get().model, tol)
+            let subject = problem.get().subject()?;
+            Ok(CollocationResult::of(py, of_phase(&report, k), subject, tol)?)
         };
-        let phases = problems.iter().enumerate().map(phase).collect::<PyResult<_>>()?;
+        let phases = problems.iter().enumerate().map(phase).collect::<Result<_, Error>>()?;
         Ok(Self::of_phases(py, report, phases, tol)?)
     }
 
@@ -50,7 +51,7 @@ impl MultiphaseResult {
         phases: Vec<Py<CollocationResult>>,
         tol: f64,
     ) -> PyResult<Py<Self>> {
-        let models = phases.iter().map(|phase| phase.get().model.clone()).collect();
+        let models = phases.iter().map(|phase| phase.get().subject.model.clone()).collect();
         let outcome = CollocationOutcome::of(Arc::new(report), models, tol);
         Py::new(py, PyClassInitializer::from(outcome).add_subclass(Self { phases }))
     }

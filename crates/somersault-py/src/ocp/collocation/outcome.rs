@@ -20,13 +20,18 @@ pub(crate) struct CollocationOutcome {
 }
 
 impl CollocationOutcome {
-    /// One tree for each phase.
-    pub(super) fn of(report: Arc<CollocationReport>, models: Vec<multibody::Model>, tol: f64) -> Self {
+    /// One tree for each phase that is one of a tree.
+    pub(super) fn of(
+        report: Arc<CollocationReport>,
+        models: Vec<Option<multibody::Model>>,
+        tol: f64,
+    ) -> Self {
         let judged = report.clone();
         let verifier = Verifier::new(move |py| {
             let confirmation = &judged.confirmation;
             let mut drift: f64 = 0.0;
             for (model, phase) in models.iter().zip(&judged.phases) {
+                let Some(model) = model else { continue };
                 let states = phase.states.iter().map(|x| x.split_at(model.n_velocities()));
                 drift = drift.max(momentum_drift(model, states)?);
             }

@@ -2,6 +2,7 @@
 
 use super::arguments::{ends, finite_numbers, intervals, intervals_of, pairs, rows_of, weights};
 use super::guess::guess_of;
+use super::result::Subject;
 use super::search::SearchOptions;
 use super::terms::Quadratic;
 use super::{CollocationResult, NAMES};
@@ -128,8 +129,14 @@ impl CollocationProblem {
         guess_of([self.states.len(), self.controls.len()], self.duration, value)
     }
 
-    pub(super) fn state_names(&self) -> Result<Vec<String>, Error> {
-        Ok(TreeDynamics::try_new(&self.model, &self.actuated)?.state_names())
+    pub(super) fn subject(&self) -> Result<Subject, Error> {
+        let dynamics = TreeDynamics::try_new(&self.model, &self.actuated)?;
+        Ok(Subject {
+            model: Some(self.model.clone()),
+            states: dynamics.state_names(),
+            controls: dynamics.control_names(),
+            parameters: Vec::new(),
+        })
     }
 
     fn problem(&self, guess: Option<Guess>) -> Result<Problem, Error> {
@@ -300,7 +307,8 @@ impl CollocationProblem {
         let options =
             SearchOptions { tol, sizes, max_meshes, max_iterations, max_time, callback, on_interrupt };
         let problem = || self.problem(guess.map(|guess| self.guess(guess)).transpose()?);
-        options.run(py, 1, problem, |report| Ok(CollocationResult::of(py, report, &self.model, tol)?))
+        let subject = self.subject()?;
+        options.run(py, 1, problem, |report| Ok(CollocationResult::of(py, report, subject, tol)?))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {

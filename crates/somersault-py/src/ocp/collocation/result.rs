@@ -16,12 +16,22 @@ use somersault::ocp::collocation::{
 use std::sync::Arc;
 use std::time::Duration;
 
-/// Result of collocation of one phase. Rows belong to the collocation points; those of `t`, `x` and `costates` have the end as a
-/// last row.
+/// Result of collocation of one phase. Rows belong to the collocation points; those of `t`, `x`, `q`, `v` and `costates` have the
+/// end as a last row.
 #[pyclass(frozen, extends = CollocationOutcome, module = "somersault.ocp")]
 pub(crate) struct CollocationResult {
     pub(super) report: Arc<CollocationReport>,
-    pub(super) model: multibody::Model,
+    pub(super) subject: Subject,
+}
+
+/// What a motion is of.
+#[derive(Clone)]
+pub(super) struct Subject {
+    /// The tree, if it is one.
+    pub(super) model: Option<multibody::Model>,
+    pub(super) states: Vec<String>,
+    pub(super) controls: Vec<String>,
+    pub(super) parameters: Vec<String>,
 }
 
 fn table<'py>(py: Python<'py>, rows: &[Vec<f64>]) -> PyResult<Bound<'py, PyAny>> {
@@ -29,31 +39,41 @@ fn table<'py>(py: Python<'py>, rows: &[Vec<f64>]) -> PyResult<Bound<'py, PyAny>>
     Ok(array(py, rows.concat(), &shape)?.into_any())
 }
 
+/// Names of states, controls and parameters, and values of these.
+type Named = (Vec<String>, Vec<String>, Vec<String>, Vec<f64>);
 /// Status, cost, tolerance.
 type Outcome = (String, f64, f64);
 /// Bounds and points of a mesh, ends of the horizon.
 type OnMesh = (Vec<f64>, Vec<usize>, (f64, f64));
 /// Defects, error and state of one integration from start to end, violation and what it is of, running and end cost, cost.
 type Confirmed = (Vec<f64>, f64, Vec<f64>, (f64, String), (f64, f64), f64);
-/// Of a mesh: bounds, points, cost, errors, status, steps, seconds.
-type Tried = (Vec<f64>, Vec<usize>, f64, [f64; 5], String, usize, f64);
+/// Of a mesh: bounds, points, whether it was for a start, cost, errors, status, steps, seconds.
+type Tried = (Vec<f64>, Vec<usize>, bool, f64, [f64; 5], String, usize, f64);
 
 impl CollocationResult {
     pub(super) fn of(
         py: Python<'_>,
         report: CollocationReport,
-        model: &multibody::Model,
+        subject: Subject,
         tol: f64,
     ) -> PyResult<Py<Self>> {
         let report = Arc::new(report);
-        let outcome = CollocationOutcome::of(report.clone(), vec![model.clone()], tol);
-        let own = Self { report, model: model.clone() };
+        let outcome = CollocationOutcome::of(report.clone(), vec![subject.model.clone()], tol);
+        let own = Self { report, subject };
         Py::new(py, PyClassInitializer::from(outcome).add_subclass(own))
     }
 
     /// The problem has one phase.
     pub(super) fn phase(&self) -> &PhaseSolution {
         &self.report.phases[0]
+    }
+
+    /// The first or the second half of the states of a tree.
+    fn half<'py>(&self, py: Python<'py>, which: usize) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let Some(model) = &self.subject.model else { return Ok(None) };
+        let n = model.n_velocities();
+        let rows: Vec<Vec<f64>> = self.phase().states.iter().map(|x| x[which * n..][..n].to_vec()).collect();
+        table(py, &rows).map(Some)
     }
 
     fn at<'py>(
@@ -74,13 +94,27 @@ impl CollocationResult {
 
 value! {
     impl CollocationResult {
-        /// Model: The tree that moves; x = (q, v).
-        model: Model = |own| Model::of(own.model.clone());
+        /// Model or None: The tree that moves, with x = (q, v); None for equations that are not those of a tree.
+        model: Option<Model> = |own| own.subject.model.clone().map(Model::of);
+        /// list of str: Names of the states, one for each column of `x`.
+        state_names: Vec<String> = |own| own.subject.states.clone();
+        /// list of str: Names of the controls, one for each column of `u`.
+        control_names: Vec<String> = |own| own.subject.controls.clone();
+        /// list of str: Names of the parameters.
+        parameter_names: Vec<String> = |own| own.subject.parameters.clone();
+        /// ndarray, shape (n_parameters,): Parameters, constant in time.
+        parameters: Bound<'py, PyAny> =
+            |own, py| numpy::PyArray1::from_slice(py, &own.phase().parameters).into_any();
         /// ndarray, shape (n + 1,): Times, s.
         t: Bound<'py, PyAny> = |own, py| numpy::PyArray1::from_slice(py, &own.phase().times).into_any();
         /// ndarray, shape (n + 1, n_states): States.
         x: PyResult<Bound<'py, PyAny>> = |own, py| table(py, &own.phase().states);
-        /// ndarray, shape (n, n_controls): Controls.
+        /// ndarray, shape (n + 1, n_positions), or None: Configurations, the first half of x, where the motion is that of a tree.
+        q: PyResult<Option<Bound<'py, PyAny>>> = |own, py| own.half(py, 0);
+        /// ndarray, shape (n + 1, n_velocities), or None: Velocities, the second half.
+        v: PyResult<Option<Bound<'py, PyAny>>> = |own, py| own.half(py, 1);
+        /// ndarray, shape (n, n_controls): Controls at the times but the last, which is not a collocation point; `control` gives
+        /// them at any time.
         u: PyResult<Bound<'py, PyAny>> = |own, py| table(py, &own.phase().controls);
         /// ndarray, shape (n + 1, n_states): Costates λ, the change of the lowest cost from there on with the state.
         costates: PyResult<Bound<'py, PyAny>> = |own, py| table(py, &own.phase().costates);
@@ -171,7 +205,8 @@ impl CollocationResult {
         self.at(py, t, PhaseSolution::costate)
     }
 
-    /// list of dict: All meshes: ``n_intervals``, ``n_points``, ``cost``, estimated errors, relative, of the states (``error``),
+    /// list of dict: All meshes: ``n_intervals``, ``n_points``, ``is_start`` (whether minimum effort on a fixed horizon was sought for
+    /// a start, with no estimated errors), ``cost``, estimated errors, relative, of the states (``error``),
     /// the cost (``cost_error``), the costates (``costate_error``) and the Hamiltonian (``hamiltonian_error``), the ``violation`` of
     /// bounds of states between the points, ``status`` of the program, ``nit`` and ``seconds``.
     #[getter]
@@ -180,6 +215,7 @@ impl CollocationResult {
             let entry = PyDict::new(py);
             entry.set_item("n_intervals", record.meshes[0].n_intervals())?;
             entry.set_item("n_points", record.meshes[0].n_points())?;
+            entry.set_item("is_start", record.is_start)?;
             entry.set_item("cost", record.cost)?;
             let Accuracy { equations, cost, costates, hamiltonian, violation } = record.accuracy;
             entry.set_item("error", equations)?;
@@ -211,7 +247,8 @@ impl CollocationResult {
             let points = mesh.points().to_vec();
             let Accuracy { equations, cost, costates, hamiltonian, violation } = record.accuracy;
             let errors = [equations, cost, costates, hamiltonian, violation];
-            (mesh.bounds().to_vec(), points, record.cost, errors, status, record.iterations, seconds)
+            let (bounds, is_start) = (mesh.bounds().to_vec(), record.is_start);
+            (bounds, points, is_start, record.cost, errors, status, record.iterations, seconds)
         };
         let on_mesh: OnMesh =
             (phase.mesh().bounds().to_vec(), phase.mesh().points().to_vec(), phase.horizon());
@@ -224,7 +261,8 @@ impl CollocationResult {
             report.confirmation.cost,
         );
         let arguments = (
-            Model::of(own.model.clone()),
+            own.model(),
+            (own.state_names(), own.control_names(), own.parameter_names(), phase.parameters.clone()),
             (outcome.status(), report.cost, outcome.tol),
             on_mesh,
             tables,
@@ -240,7 +278,8 @@ impl CollocationResult {
     #[classmethod]
     fn _restore(
         cls: &Bound<'_, PyType>,
-        model: &Bound<'_, Model>,
+        model: Option<&Bound<'_, Model>>,
+        subject: Named,
         outcome: Outcome,
         on_mesh: OnMesh,
         tables: [Vec<Vec<f64>>; 4],
@@ -259,8 +298,8 @@ impl CollocationResult {
         };
         let (bounds, points, horizon) = on_mesh;
         let [states, controls, costates, path_multipliers] = tables;
-        let rows =
-            PhaseRows { states, controls, costates, path_multipliers, hamiltonian, parameters: Vec::new() };
+        let (state_names, control_names, parameter_names, parameters) = subject;
+        let rows = PhaseRows { states, controls, costates, path_multipliers, hamiltonian, parameters };
         let mesh = Mesh::try_new(bounds, points)?;
         let (defects, end_to_end_error, end_to_end_state, violation, costs, accurate) = integrated;
         let ((violation, violated), (running_cost, end_cost)) = (violation, costs);
@@ -269,18 +308,30 @@ impl CollocationResult {
             return Err(Error::input(format!("`defects` must have {n} entries, found {found}")));
         }
         let phase = PhaseSolution::try_new(mesh, horizon, rows)?;
-        let model = &model.get().model;
-        if phase.states[0].len() != 2 * model.n_velocities() {
-            let (n, found) = (2 * model.n_velocities(), phase.states[0].len());
-            return Err(Error::input(format!("`states` must have {n} columns, found {found}")));
+        let subject = Subject {
+            model: model.map(|model| model.get().model.clone()),
+            states: state_names,
+            controls: control_names,
+            parameters: parameter_names,
+        };
+        let of_tree = subject.model.as_ref().map(|model| 2 * model.n_velocities());
+        for (argument, n, found) in [
+            ("states", of_tree.unwrap_or(subject.states.len()), phase.states[0].len()),
+            ("state_names", phase.states[0].len(), subject.states.len()),
+            ("control_names", phase.controls.first().map_or(0, Vec::len), subject.controls.len()),
+            ("parameter_names", phase.parameters.len(), subject.parameters.len()),
+        ] {
+            if n != found {
+                return Err(Error::input(format!("`{argument}` must have {n} columns, found {found}")));
+            }
         }
-        let tried = |(bounds, points, cost, errors, status, iterations, seconds): Tried| {
+        let tried = |(bounds, points, is_start, cost, errors, status, iterations, seconds): Tried| {
             let time = Duration::try_from_secs_f64(seconds)
                 .map_err(|_| Error::input(format!("`seconds` must not be negative, found {seconds}")))?;
             let meshes = vec![Mesh::try_new(bounds, points)?];
             let [equations, of_cost, costates, hamiltonian, violation] = errors;
             let accuracy = Accuracy { equations, cost: of_cost, costates, hamiltonian, violation };
-            Ok(MeshRecord { meshes, cost, accuracy, status: status_of(&status)?, iterations, time })
+            Ok(MeshRecord { meshes, is_start, cost, accuracy, status: status_of(&status)?, iterations, time })
         };
         let confirmed = PhaseConfirmation {
             defects,
@@ -299,6 +350,6 @@ impl CollocationResult {
             history: history.into_iter().map(tried).collect::<Result<_, Error>>()?,
             program: program.get().report.clone(),
         };
-        Ok(Self::of(cls.py(), report, model, tol)?)
+        Ok(Self::of(cls.py(), report, subject, tol)?)
     }
 }

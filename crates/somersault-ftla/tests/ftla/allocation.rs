@@ -3,11 +3,8 @@
 use nalgebra::dvector;
 use somersault_ftla::flow::{FlowTolerances, VariationalFlow};
 use somersault_ftla::system::ArmMinimumTorque;
-use somersault_testkit::allocations::{Counting, allocations};
+use somersault_testkit::allocations::allocations;
 use std::f64::consts::FRAC_PI_2;
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
 
 #[test]
 fn steps_allocate_nothing() {

@@ -6,32 +6,7 @@ use somersault_motion::synthetic::synthetic_markers;
 use somersault_multibody::joint_motion::EigenpostureBase;
 use somersault_multibody::models::{Diver, Posture};
 use somersault_multibody::{Model, ModelBuilder};
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
-
-/// Counts the allocations of each thread.
-struct Counting;
-
-thread_local! {
-    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
-}
-
-// SAFETY: every call is passed on to the system's allocator; counting allocates nothing.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        // while a thread ends the counter may be gone
-        let _ = ALLOCATIONS.try_with(|n| n.set(n.get() + 1));
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        // SAFETY: the caller's promises are passed on.
-        unsafe { System.dealloc(pointer, layout) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
+use somersault_testkit::allocations::allocations;
 
 /// The diver with joints that have no upper limit. A joint with both is turned through its range, and how many searches begin there
 /// depends on where the one before ended.
@@ -65,15 +40,15 @@ fn fit(diver: &Diver, shape: &Shape, loss: Loss, max_iterations: usize) -> (u64,
     let options =
         FitOptions { shape: shape.clone(), loss, max_iterations, step_tol: 1e-300, ..FitOptions::default() };
     let fit = MarkerFit::try_new(&model, markers, options).unwrap();
-    let before = ALLOCATIONS.get();
-    let found = fit.fit(&recording).unwrap();
-    let allocations = ALLOCATIONS.get() - before;
-    (allocations, found.frames[0].cost)
+    let mut cost = f64::NAN;
+    let count = allocations(|| cost = fit.fit(&recording).unwrap().frames[0].cost);
+    (count, cost)
 }
 
 #[test]
 fn iterations_of_a_fit_do_not_allocate() {
-    // the pool of threads is made once
+    // this thread, whose allocations are counted, does all the work
+    let _pool = rayon::ThreadPoolBuilder::new().num_threads(1).use_current_thread().build().unwrap();
     fit(&Diver::planar(), &Shape::Joints, Loss::Squares, 1);
     for diver in [Diver::planar(), Diver::spatial()] {
         let root = if diver == Diver::planar() { 3 } else { 7 };

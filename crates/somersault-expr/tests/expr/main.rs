@@ -1,0 +1,15 @@
+//! Expression graphs: values, derivatives, tapes and lanes.
+
+mod dual;
+mod functions;
+mod lanes;
+mod operations;
+mod random;
+
+#[allow(clippy::approx_constant)] // arguments and values that are near constants are not those
+mod digits;
+
+use somersault_testkit::allocations::Counting;
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;

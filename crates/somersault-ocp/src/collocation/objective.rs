@@ -1,0 +1,83 @@
+//! Costs and constraints of a phase, whose cost can be exchanged for effort while a start is sought.
+
+use super::function::VectorFunction;
+use nalgebra::DMatrix;
+use somersault_nlp::EvaluationError;
+
+/// One argument of an effort ½ Σ w (a − c)².
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Square {
+    pub(super) argument: usize,
+    pub(super) weight: f64,
+    pub(super) centre: f64,
+}
+
+/// A cost, then constraints.
+pub(super) struct Objective {
+    function: Box<dyn VectorFunction>,
+    /// In the place of the cost.
+    effort: Option<Vec<Square>>,
+    weights: Vec<f64>,
+}
+
+impl Objective {
+    pub(super) fn new(function: Box<dyn VectorFunction>) -> Self {
+        let weights = vec![0.0; function.n_outputs()];
+        Self { function, effort: None, weights }
+    }
+
+    /// The cost is ½ Σ w (a − c)² from now on, and nothing without squares.
+    pub(super) fn exchange(&mut self, effort: Vec<Square>) {
+        self.effort = Some(effort);
+    }
+
+    /// The cost is the one that was posed.
+    pub(super) fn restore(&mut self) {
+        self.effort = None;
+    }
+}
+
+impl VectorFunction for Objective {
+    fn n_outputs(&self) -> usize {
+        self.function.n_outputs()
+    }
+
+    fn evaluate(&mut self, arguments: &[f64], values: &mut [f64]) -> Result<(), EvaluationError> {
+        self.function.evaluate(arguments, values)?;
+        if let Some(effort) = &self.effort {
+            values[0] = effort
+                .iter()
+                .map(|square| 0.5 * square.weight * (arguments[square.argument] - square.centre).powi(2))
+                .sum();
+        }
+        Ok(())
+    }
+
+    fn jacobian(&mut self, arguments: &[f64], jacobian: &mut DMatrix<f64>) -> Result<(), EvaluationError> {
+        self.function.jacobian(arguments, jacobian)?;
+        if let Some(effort) = &self.effort {
+            jacobian.row_mut(0).fill(0.0);
+            for square in effort {
+                jacobian[(0, square.argument)] = square.weight * (arguments[square.argument] - square.centre);
+            }
+        }
+        Ok(())
+    }
+
+    fn add_hessian(
+        &mut self,
+        arguments: &[f64],
+        weights: &[f64],
+        hessian: &mut DMatrix<f64>,
+    ) -> Result<(), EvaluationError> {
+        let Some(effort) = &self.effort else {
+            return self.function.add_hessian(arguments, weights, hessian);
+        };
+        for square in effort {
+            hessian[(square.argument, square.argument)] += weights[0] * square.weight;
+        }
+        self.weights.copy_from_slice(weights);
+        self.weights[0] = 0.0;
+        self.function.add_hessian(arguments, &self.weights, hessian)
+    }
+}

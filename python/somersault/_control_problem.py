@@ -1,0 +1,564 @@
+"""Optimal control problems in ordinary NumPy."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import keyword
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, Literal, TypeAlias, cast
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from somersault import expr
+from somersault._somersault import ocp as _extension
+from somersault._somersault.ocp import CollocationResult
+from somersault.errors import InputError
+
+__all__ = ["ControlProblem"]
+
+#: A number, bounds, or None for what is free.
+_Range: TypeAlias = "float | tuple[float | None, float | None] | None"
+#: A function with its lower and upper bounds.
+_Constraint: TypeAlias = "tuple[Callable[..., Any], Any, Any]"
+_Floats: TypeAlias = NDArray[np.float64]
+_Guess: TypeAlias = "CollocationResult | Mapping[str, ArrayLike]"
+#: What states are at an end.
+_Entries: TypeAlias = "Mapping[str, _Range] | Sequence[_Range] | None"
+
+_FREE = (-math.inf, math.inf)
+
+
+class ControlProblem:
+    """An optimal control problem, posed by ordinary functions of NumPy.
+
+    ::
+
+        minimise   Φ(x(t_f), t_f, p) + ∫ L(x, u, t, p) dt
+        subject to ẋ = f(x, u, t, p),  bounds of x, u, p, x(t_0), x(t_f), t_0 and t_f,
+                   path constraints on (x, u, t, p), end constraints on (x(t_0), x(t_f), t_0, t_f, p), bounds
+                   of integrals
+
+    Each function is called once, with symbols: its expressions are differentiated exactly and evaluated
+    without the interpreter. `x`, `u` and `p` are arrays whose entries also are attributes by their names; a
+    function takes as many arguments as it needs, from the left.
+
+    Parameters
+    ----------
+    dynamics : callable
+        ``f(x, u, t, p)``: the rate of each state.
+    states, controls, parameters : sequence of str, or int
+        Names of the entries of x, u and p; a number names them ``x0``, ``x1`` and so on.
+    initial, final : dict or sequence, optional
+        What states are at the start and at the end, by name or in their order: a number, a pair of bounds,
+        or None where it is free. States that are not named are free.
+    duration : float or tuple of float, optional
+        t_f − t_0 where `start_time` is a number, s. A pair makes it a variable between the two; the second
+        may be infinite.
+    start_time : float, optional
+        t_0.
+    bounds : dict, optional
+        Pairs of bounds by name of a state, control or parameter, at all times. None is no bound.
+    running_cost : callable, optional
+        ``L(x, u, t, p)``.
+    end_cost : callable, optional
+        ``Φ(x, t, p)`` of the final state and time.
+    path : sequence of tuple, optional
+        ``(g, lower, upper)`` with ``g(x, u, t, p)``, one value or several: lower ≤ g ≤ upper at all times.
+    ends : sequence of tuple, optional
+        ``(b, lower, upper)`` with ``b(x_0, x_f, t_0, t_f, p)``.
+    integrals : sequence of tuple, optional
+        ``(h, lower, upper)`` with ``h(x, u, t, p)``, one value: lower ≤ ∫ h dt ≤ upper.
+    scales : dict, optional
+        Sizes of states and controls by name, by which the program is scaled. Without them, sizes are those
+        of bounds and guess.
+
+    Raises
+    ------
+    somersault.errors.InputError
+        If names, bounds or what functions return do not fit.
+    somersault.errors.TraceError
+        If a function cannot be traced, with the line where that is.
+
+    Examples
+    --------
+    The brachistochrone, the curve of fastest descent: down five metres and ten across.
+
+    >>> import numpy as np
+    >>> from somersault import ocp
+    >>> problem = ocp.ControlProblem(
+    ...     lambda x, u: [x.v * np.cos(u.angle), x.v * np.sin(u.angle), 9.81 * np.sin(u.angle)],
+    ...     states=("across", "down", "v"), controls=("angle",),
+    ...     initial={"across": 0, "down": 0, "v": 0}, final={"across": 10, "down": 5}, duration=(0.05, 20),
+    ...     end_cost=lambda x, t: t)
+    >>> found = problem.solve()
+    >>> found.status, round(found.cost, 6)
+    ('converged', 1.801295)
+    """
+
+    def __init__(
+        self,
+        dynamics: Callable[..., Any],
+        states: Sequence[str] | int,
+        controls: Sequence[str] | int = (),
+        parameters: Sequence[str] | int = (),
+        *,
+        initial: _Entries = None,
+        final: _Entries = None,
+        duration: float | tuple[float, float] = 1.0,
+        start_time: float = 0.0,
+        bounds: Mapping[str, _Range] | None = None,
+        running_cost: Callable[..., Any] | None = None,
+        end_cost: Callable[..., Any] | None = None,
+        path: Sequence[_Constraint] = (),
+        ends: Sequence[_Constraint] = (),
+        integrals: Sequence[_Constraint] = (),
+        scales: Mapping[str, float] | None = None,
+    ) -> None:
+        self._given = {name: value for name, value in locals().items() if name != "self"}
+        names = _Names(states, controls, parameters)
+        self._names = names
+        at_path, at_ends, of_integrals = (
+            [_Constrained(name, k, entry) for k, entry in enumerate(_entries(name, entries))]
+            for name, entries in (("path", path), ("ends", ends), ("integrals", integrals))
+        )
+        self._duration = _positive("duration", _range("duration", duration))
+        self._start = _number("start_time", start_time)
+        self._ranges = names.ranges("bounds", bounds)
+        self._initial = names.states_of("initial", initial)
+        self._final = names.states_of("final", final)
+        functions = names.functions(dynamics, (running_cost, end_cost), at_path, at_ends, of_integrals)
+        n = len(of_integrals)
+        self._posed = _extension._TracedProblem(
+            functions,
+            [[*names.states, *(f"integral {k}" for k in range(n))], names.controls, names.parameters],
+            [
+                [*self._ranges[0], *[_FREE] * n],
+                self._ranges[1],
+                self._ranges[2],
+                [*self._initial, *[(0.0, 0.0)] * n],
+                [*self._final, *(pair for each in of_integrals for pair in each.pairs())],
+                [
+                    (self._start, self._start),
+                    (self._start + self._duration[0], self._start + self._duration[1]),
+                ],
+                [pair for each in at_path for pair in each.pairs()],
+                [pair for each in at_ends for pair in each.pairs()],
+            ],
+            names.scales(scales, n),
+        )
+        self._n_integrals = n
+
+    def solve(
+        self,
+        guess: _Guess | None = None,
+        *,
+        tol: float = 1e-6,
+        n_intervals: int = 20,
+        n_points: int = 3,
+        max_meshes: int = 20,
+        max_iterations: int | None = None,
+        max_time: float | None = None,
+        callback: Callable[[int, _Floats, float, float], object] | None = None,
+        on_interrupt: Literal["raise", "return"] = "raise",
+    ) -> CollocationResult:
+        """Solves by collocation, refines the mesh to the tolerance, and integrates what was found again.
+
+        Where no motion is found from the guess, the search starts again from one of minimum effort, on horizons
+        of an eighth of the guess's and longer until there is one.
+
+        Parameters
+        ----------
+        guess : CollocationResult or dict, optional
+            An earlier result; or values by name of states, controls and parameters: a number that is
+            constant, or values at the times ``"t"``, at equal distances unless these are given. What is not
+            named is on a straight line between the ends, controls at what is nearest to zero.
+        tol : float, optional
+            Relative error that each interval of the mesh may have.
+        n_intervals, n_points : int, optional
+            Intervals of the first mesh, and collocation points of each.
+        max_meshes : int, optional
+        max_iterations : int, optional
+            Of the solver, on each mesh.
+        max_time : float, optional
+            s, on each mesh.
+        callback : callable, optional
+            ``callback(iteration, z, cost, residual)`` after each step of the solver; the search stops where
+            it returns true.
+        on_interrupt : {'raise', 'return'}, optional
+            What Ctrl-C does: raise with the best iterate as the attribute ``solution``, or return it.
+
+        Returns
+        -------
+        CollocationResult
+            With the best motion found, whatever the status. Columns of `x` after those of the states are the
+            integrals.
+
+        Examples -------- A rocket car of limited fuel: from rest to rest over one metre in three seconds,
+        with the least thrust.
+
+        >>> from somersault import ocp
+        >>> problem = ocp.ControlProblem(
+        ...     lambda x, u: [x.v, u.right - u.left], states=("x", "v"), controls=("right", "left"),
+        ...     initial={"x": 0, "v": 0}, final={"x": 1, "v": 0}, duration=3,
+        ...     bounds={"right": (0, 1), "left": (0, 1)}, running_cost=lambda x, u: u.right + u.left)
+        >>> found = problem.solve(tol=1e-5)
+        >>> found.status, round(found.cost, 4)  # 3 − √5
+        ('converged', 0.7639)
+        """
+        start = guess if guess is None or isinstance(guess, CollocationResult) else self._rows(guess)
+        return self._posed.solve(
+            start, tol, n_intervals, n_points, max_meshes, max_iterations, max_time, callback, on_interrupt
+        )
+
+    @property
+    def state_names(self) -> list[str]:
+        """list of str: Names of the states."""
+        return list(self._names.states)
+
+    @property
+    def control_names(self) -> list[str]:
+        """list of str: Names of the controls."""
+        return list(self._names.controls)
+
+    @property
+    def parameter_names(self) -> list[str]:
+        """list of str: Names of the parameters."""
+        return list(self._names.parameters)
+
+    def _rows(self, guess: Mapping[str, ArrayLike]) -> tuple[Any, ...]:
+        """Times, states, controls and parameters of a guess by names."""
+        names = self._names
+        if not isinstance(guess, Mapping):
+            raise InputError(
+                f"`guess` must be values by name or an earlier result, found {_article(type(guess).__name__)}"
+            )
+        known = ["t", *names.states, *names.controls, *names.parameters]
+        rows = {name: _values(f"guess[{name!r}]", value) for name, value in guess.items()}
+        if unknown := [name for name in rows if name not in known]:
+            raise InputError(f"`guess` must have names among {', '.join(known)}, found {unknown[0]!r}")
+        lengths = {len(row) for name, row in rows.items() if row.ndim and name not in names.parameters}
+        if len(lengths) > 1:
+            raise InputError(f"`guess` must have as many values of each, found {sorted(lengths)}")
+        count = lengths.pop() if lengths else 2
+        if count < 2:
+            raise InputError(f"`guess` must have at least 2 values of each, found {count}")
+        low, high = self._duration
+        end = self._start + (0.5 * (low + high) if math.isfinite(high) else max(low, 1.0))
+        times = rows.get("t", np.linspace(self._start, end, count))
+        fraction = (times - times[0]) / (times[-1] - times[0])
+        ends = zip(self._initial, self._final, self._ranges[0], strict=True)
+        lines = [_line(first, last, bound, fraction) for first, last, bound in ends]
+        nearest = [[np.full(count, np.clip(0.0, *pair)) for pair in part] for part in self._ranges[1:]]
+        states, controls = (
+            np.column_stack(
+                [np.broadcast_to(rows.get(name, line), count) for name, line in zip(part, own, strict=True)]
+            )
+            if part
+            else np.zeros((count, 0))
+            for part, own in ((names.states, lines), (names.controls, nearest[0]))
+        )
+        parameters = [
+            float(rows.get(name, row[0])) for name, row in zip(names.parameters, nearest[1], strict=True)
+        ]
+        integrals = np.zeros((count, self._n_integrals))
+        return times.tolist(), np.hstack([states, integrals]).tolist(), controls.tolist(), parameters
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return functools.partial(type(self), **self._given), ()
+
+    def __repr__(self) -> str:
+        names = self._names
+        parts = (("states", names.states), ("controls", names.controls), ("parameters", names.parameters))
+        listed = (f"{kind} {', '.join(part)}" for kind, part in parts if part)
+        return f"<ControlProblem: {'; '.join(listed)}>"
+
+
+class _Names:
+    """Names of states, controls and parameters, and what is traced with them."""
+
+    def __init__(
+        self, states: Sequence[str] | int, controls: Sequence[str] | int, parameters: Sequence[str] | int
+    ) -> None:
+        self.states = _names("states", states, "x")
+        self.controls = _names("controls", controls, "u")
+        self.parameters = _names("parameters", parameters, "p")
+        if not self.states:
+            raise InputError("`states` must have at least one name, found none")
+        all_names = [*self.states, *self.controls, *self.parameters]
+        for name in all_names:
+            if all_names.count(name) > 1 or name == "t":
+                raise InputError(
+                    "`states`, `controls` and `parameters` must have names of their own, none of them 't', found"
+                    f" {name!r}{'' if name == 't' else ' twice'}"
+                )
+
+    def ranges(self, argument: str, entries: Mapping[str, _Range] | None) -> list[list[tuple[float, float]]]:
+        """Bounds of states, controls and parameters by name."""
+        parts = [self.states, self.controls, self.parameters]
+        found = _by_name(argument, [name for part in parts for name in part], entries)
+        return [[found.get(name, _FREE) for name in part] for part in parts]
+
+    def states_of(self, argument: str, entries: _Entries) -> list[tuple[float, float]]:
+        """What each state may be at an end."""
+        if entries is None or isinstance(entries, Mapping):
+            found = _by_name(argument, self.states, entries)
+            return [found.get(name, _FREE) for name in self.states]
+        if isinstance(entries, str) or not isinstance(entries, Iterable):
+            raise InputError(
+                f"`{argument}` must be values by name or in order, found {_article(type(entries).__name__)}"
+            )
+        listed = list(entries)
+        if len(listed) != len(self.states):
+            raise InputError(f"`{argument}` must have {len(self.states)} entries, found {len(listed)}")
+        return [_range(f"{argument}[{k}]", entry) for k, entry in enumerate(listed)]
+
+    def scales(
+        self, scales: Mapping[str, float] | None, n_integrals: int
+    ) -> tuple[list[float], list[float]] | None:
+        """Sizes of states, integrals and controls."""
+        if scales is None:
+            return None
+        parts = [*self.states, *self.controls]
+        for name, value in scales.items():
+            if name not in parts:
+                raise InputError(f"`scales` must have names among {', '.join(parts)}, found {name!r}")
+            _positive(f"scales[{name!r}]", (_number(f"scales[{name!r}]", value),) * 2)
+        missing = [name for name in parts if name not in scales]
+        if missing:
+            raise InputError(f"`scales` must have a size of {', '.join(missing)}")
+        states = [float(scales[name]) for name in self.states]
+        return [*states, *[1.0] * n_integrals], [float(scales[name]) for name in self.controls]
+
+    def functions(
+        self,
+        dynamics: Callable[..., Any],
+        costs: tuple[Callable[..., Any] | None, Callable[..., Any] | None],
+        path: list[_Constrained],
+        ends: list[_Constrained],
+        integrals: list[_Constrained],
+    ) -> list[Any]:
+        """f with the integrands; L with path constraints; Φ with end constraints.
+
+        Inputs are in the order of collocation.
+        """
+        rates = _called("dynamics", dynamics, _ALONG)
+        running, final = (
+            _called("running_cost", costs[0], _ALONG),
+            _called("end_cost", costs[1], ("x", "t", "p")),
+        )
+
+        def moving(x: Any, z: Any, u: Any, p: Any, t: Any) -> list[Any]:
+            found = _flat("dynamics", rates(x, u, t, p))
+            if len(found) != len(self.states):
+                raise InputError(f"`dynamics` must give {len(self.states)} rates, found {len(found)}")
+            return [*found, *(value for each in integrals for value in each.values(x, u, t, p))]
+
+        def along(x: Any, z: Any, u: Any, p: Any, t: Any) -> list[Any]:
+            return [
+                _one("running_cost", running(x, u, t, p)),
+                *(v for each in path for v in each.values(x, u, t, p)),
+            ]
+
+        def at_ends(x: Any, z: Any, last: Any, z_last: Any, p: Any, start: Any, end: Any) -> list[Any]:
+            cost = _one("end_cost", final(last, end, p))
+            return [cost, *(value for each in ends for value in each.values(x, last, start, end, p))]
+
+        n = len(integrals)
+        # an empty tuple is a single number, and no names are a length of zero
+        x, u, p = (tuple(part) or 0 for part in (self.states, self.controls, self.parameters))
+        at_time: dict[str, Any] = {"x": x, "z": n, "u": u, "p": p, "t": ()}
+        both: dict[str, Any] = {"x": x, "z": n, "last": x, "z_last": n, "p": p, "start": (), "end": ()}
+        return [_trace(moving, at_time), _trace(along, at_time), _trace(at_ends, both)]
+
+
+#: What functions of a time take.
+_ALONG = ("x", "u", "t", "p")
+
+
+class _Constrained:
+    """A function with bounds, whose number of values is known once it was traced."""
+
+    def __init__(self, argument: str, number: int, entry: Any) -> None:
+        self.name = f"{argument}[{number}]"
+        if not isinstance(entry, tuple | list) or len(entry) != 3:
+            raise InputError(
+                f"`{self.name}` must be (function, lower, upper), found {_article(type(entry).__name__)}"
+            )
+        function, self.lower, self.upper = entry
+        self.is_integral = argument == "integrals"
+        names = ("x_0", "x_f", "t_0", "t_f", "p") if argument == "ends" else _ALONG
+        self.call = _called(self.name, function, names)
+        self.n_values = 0
+
+    def values(self, *arguments: Any) -> list[Any]:
+        """What it gives, one after the other."""
+        found = self.call(*arguments)
+        values = [_one(self.name, found)] if self.is_integral else _flat(self.name, found)
+        self.n_values = len(values)
+        return values
+
+    def pairs(self) -> list[tuple[float, float]]:
+        """Bounds of each value."""
+        lower, upper = (
+            self._side(*each) for each in (("lower", self.lower, -math.inf), ("upper", self.upper, math.inf))
+        )
+        return list(zip(lower, upper, strict=True))
+
+    def _side(self, side: str, limit: Any, default: float) -> list[float]:
+        limits = _values(f"{self.name}, {side}", default if limit is None else limit)
+        if limits.ndim and len(limits) != self.n_values:
+            raise InputError(f"`{self.name}` must have {self.n_values} {side} bounds, found {len(limits)}")
+        return [float(limit) for limit in np.broadcast_to(limits, self.n_values)]
+
+
+def _trace(function: Callable[..., Any], blocks: Mapping[str, Any]) -> Any:
+    return expr.Function(function, **blocks)._compiled
+
+
+def _called(argument: str, function: Any, names: Sequence[str]) -> Callable[..., Any]:
+    """The function with as many arguments as it takes; without a function there is nothing, 0."""
+    if function is None:
+        return lambda *_: 0.0
+    if not callable(function):
+        raise InputError(
+            f"`{argument}` must be a function of ({', '.join(names)}), found"
+            f" {_article(type(function).__name__)}"
+        )
+    kinds = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
+    try:
+        parameters = list(inspect.signature(function).parameters.values())
+    except (TypeError, ValueError):
+        return cast("Callable[..., Any]", function)
+    if any(each.kind is inspect.Parameter.VAR_POSITIONAL for each in parameters):
+        return cast("Callable[..., Any]", function)
+    n = sum(each.kind in kinds for each in parameters)
+    required = sum(each.kind in kinds and each.default is inspect.Parameter.empty for each in parameters)
+    if required > len(names):
+        raise InputError(
+            f"`{argument}` must take ({', '.join(names)}) or fewer of them, found {required} arguments"
+        )
+    return lambda *arguments: function(*arguments[:n])
+
+
+def _flat(argument: str, found: Any) -> list[Any]:
+    """Values one after the other."""
+    if found is None:
+        raise InputError(f"`{argument}` must return its values, found None")
+    return list(np.ravel(np.asarray(found, dtype=object)))
+
+
+def _one(argument: str, found: Any) -> Any:
+    values = _flat(argument, found)
+    if len(values) != 1:
+        raise InputError(f"`{argument}` must return one value, found {len(values)}")
+    return values[0]
+
+
+def _names(argument: str, given: Sequence[str] | int, prefix: str) -> list[str]:
+    if isinstance(given, int) and not isinstance(given, bool):
+        if not 0 <= given <= _MOST_NAMES:
+            raise InputError(f"`{argument}` must be names or a number up to {_MOST_NAMES}, found {given}")
+        return [f"{prefix}{k}" for k in range(given)]
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise InputError(f"`{argument}` must be a sequence of names or a number, found {given!r}")
+    names = list(given)
+    for name in names:
+        if not isinstance(name, str) or not name.isidentifier() or keyword.iskeyword(name):
+            raise InputError(f"`{argument}` must be names as those of variables, found {name!r}")
+    return names
+
+
+#: States of the largest problem, far beyond what a mesh has room for.
+_MOST_NAMES = 10_000
+
+
+def _entries(argument: str, given: Any) -> list[Any]:
+    if isinstance(given, str | Mapping) or not isinstance(given, Iterable):
+        raise InputError(
+            f"`{argument}` must be a sequence of (function, lower, upper), found"
+            f" {_article(type(given).__name__)}"
+        )
+    entries = list(given)
+    # one constraint without its brackets is a frequent slip
+    return (
+        [tuple(entries)]
+        if len(entries) == 3 and callable(entries[0]) and not callable(entries[1])
+        else entries
+    )
+
+
+def _by_name(argument: str, names: list[str], entries: Any) -> dict[str, tuple[float, float]]:
+    if entries is None:
+        return {}
+    if not isinstance(entries, Mapping):
+        raise InputError(f"`{argument}` must be values by name, found {_article(type(entries).__name__)}")
+    for name in entries:
+        if name not in names:
+            raise InputError(f"`{argument}` must have names among {', '.join(names)}, found {name!r}")
+    return {name: _range(f"{argument}[{name!r}]", entry) for name, entry in entries.items()}
+
+
+def _number(argument: str, given: Any) -> float:
+    values = _values(argument, given)
+    if values.ndim:
+        raise InputError(f"`{argument}` must be a number, found {given!r}")
+    if not math.isfinite(float(values)):
+        raise InputError(f"`{argument}` must be finite, found {float(values)}")
+    return float(values)
+
+
+def _range(argument: str, given: Any) -> tuple[float, float]:
+    """Bounds: None is free, a number is both."""
+    if given is None:
+        return _FREE
+    if isinstance(given, tuple | list) and len(given) == 2:
+        low, high = (
+            default if each is None else float(_values(argument, each))
+            for each, default in zip(given, _FREE, strict=True)
+        )
+        if not low <= high:
+            raise InputError(
+                f"`{argument}` must have bounds that do not cross and are no NaN, found ({low}, {high})"
+            )
+        return low, high
+    number = _number(argument, given)
+    return number, number
+
+
+def _positive(argument: str, pair: tuple[float, float]) -> tuple[float, float]:
+    # a NaN is not above
+    if not (pair[1] > 0.0 and math.inf > pair[0] >= 0.0):
+        raise InputError(
+            f"`{argument}` must be positive, or a pair of such numbers in their order, found {pair}"
+        )
+    return pair
+
+
+def _values(argument: str, given: Any) -> _Floats:
+    try:
+        values = np.asarray(given, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"`{argument}` must be real numbers, found {given!r}") from error
+    if values.ndim > 1:
+        raise InputError(f"`{argument}` must be a number or a list of numbers, found shape {values.shape}")
+    return values
+
+
+def _line(
+    first: tuple[float, float], last: tuple[float, float], bound: tuple[float, float], at: _Floats
+) -> _Floats:
+    """From the middle of what is allowed at the start to that at the end; a free end is the other one."""
+    first, last = ((max(end[0], bound[0]), min(end[1], bound[1])) for end in (first, last))
+    ends = [last if end == _FREE else end for end in (first,)] + [first if last == _FREE else last]
+    middle = [
+        0.5 * (low + high) if math.isfinite(low + high) else float(np.clip(0.0, low, high))
+        for low, high in ends
+    ]
+    return middle[0] + (middle[1] - middle[0]) * at
+
+
+def _article(name: str) -> str:
+    return f"{'an' if name[:1].lower() in 'aeiou' else 'a'} {name}"

@@ -1,0 +1,242 @@
+"""Optimal control problems posed by functions of NumPy."""
+
+import functools
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+from control_problems import KNOWN
+
+import somersault
+from somersault import multibody, ocp
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_known_costs_are_met_from_a_straight_line(name: str) -> None:
+    known = KNOWN[name]
+    found = known.pose().solve()
+    assert found.success and found.confirmed, found.message
+    assert found.cost == pytest.approx(known.cost, rel=1e-6, abs=1e-6)
+    assert found.verified_cost == pytest.approx(found.cost, rel=1e-5, abs=1e-5)
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("name", KNOWN)
+def test_no_mesh_and_tolerance_lead_to_a_false_success(name: str) -> None:
+    known = KNOWN[name]
+    problem = known.pose()
+    solved = 0
+    for tol in (1e-4, 1e-6, 1e-8):
+        for n_intervals, n_points in ((10, 4), (20, 3), (33, 4)):
+            found = problem.solve(tol=tol, n_intervals=n_intervals, n_points=n_points, max_time=10.0)
+            if found.success:
+                assert found.cost == pytest.approx(known.cost, rel=10 * tol, abs=10 * tol)
+                solved += 1
+    assert solved >= 6
+
+
+def test_a_free_time_that_no_motion_is_found_for_starts_from_least_effort() -> None:
+    found = KNOWN["pendulum in minimum time"].pose().solve()
+    starts = [mesh["is_start"] for mesh in found.meshes]
+    assert found.success and not starts[0] and any(starts) and not starts[-1]
+
+
+def test_angles_that_newton_winds_up_are_unwound() -> None:
+    # without bounds each point has whole turns of its own at first
+    found = KNOWN["brachistochrone"].pose().solve()
+    angle = found.u[:, 0]
+    assert np.all(np.diff(angle) < 0) and angle[0] == pytest.approx(np.pi / 2) and angle[-1] > -0.2
+
+
+def test_a_tree_and_its_equations_are_one_problem() -> None:
+    # the angle of the tree counts towards −x, here towards x
+    tree = multibody.cart_pendulum(1.0, 0.3, 0.5)
+    options: dict[str, Any] = {
+        "actuated": ["cart"],
+        "control_weights": 2.0,
+        "control_lower": -20,
+        "control_upper": 20,
+    }
+    of_tree = ocp.CollocationProblem(tree, [0, -np.pi, 0, 0], [1, 0, 0, 0], 2.0, **options).solve(tol=1e-8)
+
+    def rates(x: Any, u: Any) -> list[Any]:
+        m1, m2, length, g = 1.0, 0.3, 0.5, 9.81
+        sin, cos = np.sin(x.angle), np.cos(x.angle)
+        a = (u.force + m2 * length * sin * x.spin**2 - m2 * g * sin * cos) / (m1 + m2 * sin**2)
+        return [x.v, x.spin, a, (g * sin - a * cos) / length]
+
+    posed = ocp.ControlProblem(
+        rates,
+        states=("x", "angle", "v", "spin"),
+        controls=("force",),
+        initial=[0, np.pi, 0, 0],
+        final=[1, 0, 0, 0],
+        duration=2.0,
+        bounds={"force": (-20, 20)},
+        running_cost=lambda x, u: u.force**2,
+    )
+    traced = posed.solve(tol=1e-8)
+    assert of_tree.success and traced.success
+    assert traced.cost == pytest.approx(of_tree.cost, rel=1e-9)
+
+
+def test_the_time_may_begin_anywhere() -> None:
+    def pose(start: float) -> ocp.ControlProblem:
+        return ocp.ControlProblem(
+            lambda x, u: [x.v, u.force - x.x],
+            states=("x", "v"),
+            controls=("force",),
+            initial={"x": 5, "v": 0},
+            final={"x": 0, "v": 0},
+            duration=6.5,
+            start_time=start,
+            running_cost=lambda x, u: u.force**2,
+        )
+
+    now, later = pose(0.0).solve(), pose(1e4).solve()
+    assert [mesh["nit"] for mesh in now.meshes] == [mesh["nit"] for mesh in later.meshes]
+    assert later.t[0] == 1e4 and later.cost == pytest.approx(now.cost, rel=1e-10)
+    assert later.x == pytest.approx(now.x, abs=1e-9)
+
+
+def test_parameters_integrals_ends_and_paths_are_part_of_it() -> None:
+    # a body thrown at a speed and an angle of its own, as far as an integral of its height allows
+    problem = ocp.ControlProblem(
+        lambda x, u, t, p: [p.vx, p.vy - 9.81 * t],
+        states=("x", "y"),
+        parameters=("vx", "vy"),
+        initial={"x": 0, "y": 0},
+        duration=(0.1, 5),
+        bounds={"vx": (0, 30), "vy": (0, 30)},
+        ends=[(lambda x_0, x_f: x_f.y - x_0.y, 0, 0), (lambda x_0, x_f, t_0, t_f, p: p @ p, None, 100)],
+        integrals=[(lambda x: x.y, None, 2.0)],
+        path=[(lambda x: [x.x, x.y], [-1, -1], 100)],
+        end_cost=lambda x: -x.x,
+    )
+    found = problem.solve()
+    assert found.success, found.message
+    vx, vy = found.parameters
+    flight = 2 * vy / 9.81
+    assert vx**2 + vy**2 == pytest.approx(100, rel=1e-7)
+    assert found.t[-1] == pytest.approx(flight, rel=1e-6)
+    # ∫ y dt of a parabola is vy T²/2 − g T³/6, which is the bound
+    assert vy * flight**2 / 2 - 9.81 * flight**3 / 6 == pytest.approx(2.0, rel=1e-6)
+    assert -found.cost == pytest.approx(vx * flight, rel=1e-7)
+    assert found.state_names == ["x", "y", "integral 0"] and found.parameter_names == ["vx", "vy"]
+    assert found.x[-1, 2] == pytest.approx(2.0, rel=1e-7)
+    again = pickle.loads(pickle.dumps(found))
+    assert again.parameters == pytest.approx(found.parameters) and again.state_names == found.state_names
+    assert again.model is None
+
+
+def _rates(x: Any, u: Any) -> list[Any]:
+    return [x.v, u.force]
+
+
+def _effort(x: Any, u: Any) -> Any:
+    return 0.5 * u.force**2
+
+
+BLOCK = functools.partial(
+    ocp.ControlProblem,
+    _rates,
+    states=("x", "v"),
+    controls=("force",),
+    initial={"x": 0, "v": 0},
+    final=[1, 0],
+    running_cost=_effort,
+)
+
+
+def test_a_problem_of_module_functions_is_pickled() -> None:
+    problem = pickle.loads(pickle.dumps(BLOCK()))
+    assert problem.solve().cost == pytest.approx(6)
+    assert (problem.state_names, problem.control_names, problem.parameter_names) == (
+        ["x", "v"],
+        ["force"],
+        [],
+    )
+    assert repr(problem) == "<ControlProblem: states x, v; controls force>"
+
+
+@pytest.mark.parametrize(
+    "guess",
+    [
+        {},
+        {"x": 0.5},
+        {"x": [0, 0.2, 1], "force": [6, 0, -6]},
+        {"t": [0, 0.25, 1], "x": [0, 0.2, 1], "v": 1.0},
+    ],
+)
+def test_guesses_are_values_by_name(guess: dict[str, Any]) -> None:
+    assert BLOCK().solve(guess).cost == pytest.approx(6)
+
+
+def test_a_result_is_a_guess() -> None:
+    problem = BLOCK()
+    first = problem.solve()
+    again = problem.solve(first)
+    assert again.cost == pytest.approx(6) and again.report.nit <= first.report.nit
+
+
+REFUSED: dict[str, tuple[dict[str, Any], str]] = {
+    "an unknown name": (
+        {"bounds": {"speed": (0, 1)}},
+        "`bounds` must have names among x, v, force, found 'speed'",
+    ),
+    "crossing bounds": ({"bounds": {"v": (1, 0)}}, "`bounds['v']` must have bounds that do not cross"),
+    "a start without a number": (
+        {"initial": {"x": "left"}},
+        "`initial['x']` must be real numbers, found 'left'",
+    ),
+    "too few at the end": ({"final": [1]}, "`final` must have 2 entries, found 1"),
+    "no duration": ({"duration": 0.0}, "`duration` must be positive"),
+    "too few rates": ({"dynamics": lambda x, u: [x.v]}, "`dynamics` must give 2 rates, found 1"),
+    "no rates": ({"dynamics": lambda x, u: None}, "`dynamics` must return its values, found None"),
+    "no function": ({"dynamics": 3}, "`dynamics` must be a function of (x, u, t, p), found an int"),
+    "too many arguments": (
+        {"running_cost": lambda x, u, t, p, q: 0},
+        "`running_cost` must take (x, u, t, p) or fewer of them, found 5 arguments",
+    ),
+    "two costs": ({"end_cost": lambda x: [x.x, x.v]}, "`end_cost` must return one value, found 2"),
+    "a path without bounds": ({"path": [lambda x: x.x]}, "`path[0]` must be (function, lower, upper)"),
+    "bounds of another length": (
+        {"path": [(lambda x: x.x, [0, 1], None)]},
+        "`path[0]` must have 1 lower bounds, found 2",
+    ),
+    "two integrals in one": (
+        {"integrals": [(lambda x: x, 0, 1)]},
+        "`integrals[0]` must return one value, found 2",
+    ),
+    "a name twice": ({"controls": ("x",)}, "found 'x' twice"),
+    "the name of time": ({"controls": ("t",)}, "found 't'"),
+    "a name with a space": ({"controls": ("my force",)}, "`controls` must be names as those of variables"),
+    "scales of some": ({"scales": {"x": 1.0}}, "`scales` must have a size of v, force"),
+    "a state that is not there": ({"dynamics": lambda x, u: [x.speed, u.force]}, "'speed'"),
+    "a branch": ({"dynamics": lambda x, u: [x.v, u.force if x.x > 0 else 0.0]}, "np.where"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_does_not_fit_is_refused_by_name(case: str) -> None:
+    change, message = REFUSED[case]
+    options = {**BLOCK.keywords, "dynamics": _rates, **change}
+    with pytest.raises((somersault.errors.InputError, AttributeError)) as caught:
+        ocp.ControlProblem(options.pop("dynamics"), **options)
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("guess", "message"),
+    [
+        ({"speed": 1.0}, "`guess` must have names among t, x, v, force, found 'speed'"),
+        ({"x": [0, 1], "v": [0, 1, 2]}, "`guess` must have as many values of each, found [2, 3]"),
+        ({"x": [0.5]}, "`guess` must have at least 2 values of each, found 1"),
+        ([0, 1], "`guess` must be values by name or an earlier result, found a list"),
+    ],
+)
+def test_guesses_that_do_not_fit_are_refused(guess: Any, message: str) -> None:
+    with pytest.raises(somersault.errors.InputError) as caught:
+        BLOCK().solve(guess)
+    assert message in str(caught.value)
