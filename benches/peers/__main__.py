@@ -18,10 +18,11 @@ import expressions
 import ftla
 import long_run
 import multibody
+import programs
 import swing_up
 from measure import machine
 
-COMPARISONS = (box, long_run, contact, batch, multibody, expressions, arm, ftla, swing_up, components)
+COMPARISONS = (box, long_run, contact, batch, multibody, expressions, arm, programs, ftla, swing_up, components)
 
 
 def main() -> None:

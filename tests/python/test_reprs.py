@@ -12,7 +12,19 @@ import public_names
 import pytest
 
 import somersault
-from somersault import contact, forces, ftla, integrators, motion, multibody, ocp, studies, sweep, viewer
+from somersault import (
+    contact,
+    forces,
+    ftla,
+    integrators,
+    motion,
+    multibody,
+    nlp,
+    ocp,
+    studies,
+    sweep,
+    viewer,
+)
 
 #: Letters that a line may have.
 LONGEST = 200
@@ -230,6 +242,7 @@ MADE: dict[str, Callable[[], Any]] = {
     "Dive": lambda: ocp.dive_5174d(twists=-2),
     "DiveSolution": dive,
     "DiveVerification": lambda: dive().verification,
+    "MinimizeResult": lambda: nlp.minimize(lambda x: (x[0] - 1 / 3) ** 2, [0.0]),
     "EigenpostureBase": lambda: ocp.EigenpostureBase([[0.0, 0.0], [1.0, 2.0]]),
     "LiteralDive": lambda: dive().literal(20),
     "Motion": lambda: ocp.CartPendulumProblem().motion(np.zeros(5)),

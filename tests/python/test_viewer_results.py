@@ -220,6 +220,7 @@ WITHOUT = {
     "Mesh",
     "MethodInfo",
     "MethodTable",
+    "MinimizeResult",
     "Pca",
     "Perturbation",
     "Phase",

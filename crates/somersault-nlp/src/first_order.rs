@@ -16,6 +16,8 @@ pub struct Limits {
     pub stationarity_tol: f64,
     /// Limit of steps.
     pub max_iterations: usize,
+    /// Limit of evaluations of the cost.
+    pub max_evaluations: Option<usize>,
     /// Limit of time, looked at after each step and before each evaluation, the first excepted.
     pub max_time: Option<Duration>,
     /// A cost below this proves the program unbounded.
@@ -24,7 +26,13 @@ pub struct Limits {
 
 impl Default for Limits {
     fn default() -> Self {
-        Self { stationarity_tol: 1e-6, max_iterations: 10_000, max_time: None, cost_floor: -1e15 }
+        Self {
+            stationarity_tol: 1e-6,
+            max_iterations: 10_000,
+            max_evaluations: None,
+            max_time: None,
+            cost_floor: -1e15,
+        }
     }
 }
 
@@ -52,7 +60,8 @@ pub(crate) fn descend(
     on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
 ) -> Result<Report, SolverError> {
     check_positive("stationarity_tol", limits.stationarity_tol)?;
-    let program = Program::new(nlp)?;
+    let mut program = Program::new(nlp)?;
+    program.max_evaluations = limits.max_evaluations;
     if program.n_constraints() > 0 {
         return Err(SolverError::Constrained { solver: name, found: program.n_constraints() });
     }

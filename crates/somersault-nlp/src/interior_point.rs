@@ -134,7 +134,7 @@ struct Run<'a> {
     /// A step with a correction of second order.
     corrected: Step,
     residuals: KktResiduals,
-    /// Errors of the barrier problem: stationarity, violation, complementarity.
+    /// ‖∇f‖∞ at the start.
     gradient_scale: f64,
     iterations: usize,
     /// Whether this run restores the feasibility of another.
@@ -351,12 +351,8 @@ impl<'a> Run<'a> {
         }
         self.step.violation.fill(0.0);
         self.curvature.fill(1.0);
-        let mut unit = std::mem::take(&mut self.hessian.values);
-        let kept = unit.clone();
-        unit.fill(0.0);
-        self.hessian.values = unit;
         let parts = Parts {
-            hessian: &self.hessian,
+            hessian: None,
             jacobian: &self.point.jacobian,
             row_scales: &self.row_scales,
             curvature: &self.curvature,
@@ -364,14 +360,13 @@ impl<'a> Run<'a> {
             dual_regularisation: DUAL_REGULARISATION,
         };
         let solved = self.system.factor(&parts, 0.0) && self.system.solve(&self.walls.roles, &mut self.step);
-        self.hessian.values = kept;
         self.y.fill(0.0);
         if solved && max_norm(&self.step.dual) < LARGEST_START {
             self.y.copy_from_slice(&self.step.dual);
         }
     }
 
-    /// The least μ that is asked for.
+    /// The least μ that the tolerances need.
     fn least_barrier(&self) -> f64 {
         self.options.stationarity_tol.min(self.options.complementarity_tol) / (SOLVED + 1.0)
     }
@@ -564,7 +559,7 @@ impl<'a> Run<'a> {
         let mut floor = floor;
         for _ in 0..REPAIRS {
             let parts = Parts {
-                hessian: &self.hessian,
+                hessian: Some(&self.hessian),
                 jacobian: &self.point.jacobian,
                 row_scales: &self.row_scales,
                 curvature: &self.curvature,

@@ -11,7 +11,8 @@
 //!
 //! | Program | Solver | Cost of a step beside evaluations |
 //! |---|---|---|
-//! | any, to some thousand variables if sparse | [`Sqp`] | one sparse factorisation, sometimes a quadratic program |
+//! | few inequalities, or a warm start | [`Sqp`] | one sparse factorisation, sometimes a quadratic program |
+//! | many inequalities or variables | [`InteriorPoint`] | one sparse factorisation |
 //! | bounds only, many variables, no Hessian | [`Lbfgs`] | 4 n × memory |
 //! | bounds only, for comparison | [`GradientDescent`] | n |
 //! | several minima | [`MultiStart`] with any of them | |
@@ -40,6 +41,12 @@
 //! z, until a tenth of the violation is left, the second time until none is.
 //! [`Status::Infeasible`] means that this sum is locally least though it is not zero. Iterates keep the bounds of z. Points
 //! without a value are stepped back from. Where values differ by rounding only, residuals decide.
+//!
+//! **Interior point.** [`InteriorPoint`] is the method of Wächter & Biegler (2006): slacks for rows with inequalities, a
+//! logarithmic barrier whose weight μ falls monotonically, δ_w and δ_c in the matrix, the filter of [`Sqp`], corrections of
+//! second order, gradient-based scaling. It differs in three ways: bounds of z are never relaxed, a program is solved where the
+//! residuals of its own, unscaled functions hold, and feasibility is restored on squares of violations, so that both solvers
+//! call the same points infeasible. Without a Hessian it takes the same quasi-Newton approximations as [`Sqp`].
 //!
 //! **Advice.** A strong penalty on a nonlinear function, or a long integration, bends a narrow valley, along which
 //! every method creeps. Make the function's value and the state at a few nodes variables, with equalities: the same

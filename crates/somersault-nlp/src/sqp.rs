@@ -56,6 +56,8 @@ pub struct Sqp {
     pub violation_limit: f64,
     /// Limit of steps.
     pub max_iterations: usize,
+    /// Limit of evaluations of cost and constraints.
+    pub max_evaluations: Option<usize>,
     /// Limit of time, looked at after each step and before each evaluation, the first excepted.
     pub max_time: Option<Duration>,
     /// A feasible point whose cost is below this proves the program unbounded.
@@ -72,6 +74,7 @@ impl Default for Sqp {
             globalisation: Globalisation::Merit,
             violation_limit: 1e4,
             max_iterations: 500,
+            max_evaluations: None,
             max_time: None,
             cost_floor: -1e15,
         }
@@ -136,7 +139,8 @@ struct Run<'a> {
 
 impl<'a> Run<'a> {
     fn new(options: &'a Sqp, nlp: &'a mut dyn Nlp, start: &Start) -> Result<Self, SolverError> {
-        let program = Program::new(nlp)?;
+        let mut program = Program::new(nlp)?;
+        program.max_evaluations = options.max_evaluations;
         let point = program.start(start)?;
         let (n, m) = (program.n_variables(), program.n_constraints());
         let curvature = match options.hessian {

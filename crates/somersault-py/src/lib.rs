@@ -17,6 +17,7 @@ mod ftla;
 mod integrators;
 mod motion;
 mod multibody;
+mod nlp;
 mod ocp;
 
 // Nothing here relies on the lock of the interpreter: classes are frozen, what they fill in or lend is behind cells and
@@ -46,6 +47,8 @@ mod _somersault {
     use crate::motion::module as motion;
     #[pymodule_export]
     use crate::multibody::module as multibody;
+    #[pymodule_export]
+    use crate::nlp::module as nlp;
     #[pymodule_export]
     use crate::ocp::module as ocp;
 

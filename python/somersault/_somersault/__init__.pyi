@@ -14,6 +14,7 @@ from somersault._somersault import (
     integrators,
     motion,
     multibody,
+    nlp,
     ocp,
     studies,
 )
@@ -29,6 +30,7 @@ __all__ = [
     "integrators",
     "motion",
     "multibody",
+    "nlp",
     "ocp",
     "studies",
 ]

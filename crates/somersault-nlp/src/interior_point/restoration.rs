@@ -3,7 +3,7 @@
 //! ```text
 //! minimise  ½ ‖p‖² + ½ ζ ‖D (z − z_R)‖²   subject to   l ≤ c(z) + p ≤ u
 //! ```
-//! Rows are scaled as in the program, and D is 1 / max(1, |z_R|). The search goes on where the violation has shrunk and the
+//! Rows are scaled as in the program, and D is 1 / max(1, |z_R|). The search continues where the violation has shrunk and the
 //! filter accepts the point. Where this program is solved first it is solved again without the pull ζ: then a point of locally
 //! least violation is found. Squares, not violations themselves, for the reason that the restoration of
 //! [`Sqp`](crate::Sqp) gives, and so that both solvers call the same points infeasible.
@@ -175,7 +175,7 @@ impl Nlp for Nearest<'_, '_> {
 /// Why a restoration ended before its program was solved.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Cut {
-    /// A point from which the search goes on.
+    /// A point from which the search continues.
     Restored,
     /// The caller's wish.
     Stopped,
@@ -188,7 +188,7 @@ enum Ended {
 }
 
 impl Run<'_> {
-    /// Turns to feasibility, and comes back where there is a point from which the search can go on.
+    /// Turns to feasibility, and comes back where there is a point from which the search can continue.
     pub(super) fn restore(
         &mut self,
         began: Instant,
@@ -225,7 +225,7 @@ impl Run<'_> {
         Ok(Advance::Ended(Status::Stalled))
     }
 
-    /// Solves the program of least violation from where the search is, until there is a point from which it can go on.
+    /// Solves the program of least violation from where the search is, until there is a point from which it can continue.
     fn approach(
         &mut self,
         before: f64,
@@ -330,7 +330,7 @@ impl Run<'_> {
         slope
     }
 
-    /// Goes on from a point, with new slacks and multipliers.
+    /// Continues from a point, with new slacks and multipliers.
     fn resume(&mut self, z: &[f64], found: &[(f64, f64)]) -> Result<(), Failure> {
         let n = z.len();
         self.trial.z.copy_from_slice(z);

@@ -41,7 +41,8 @@ pub(super) enum Role {
 
 /// What a matrix is made of; entries of `curvature` and `roles` are of variables, then of slacks.
 pub(super) struct Parts<'a> {
-    pub(super) hessian: &'a Hessian,
+    /// None for a matrix of zeros.
+    pub(super) hessian: Option<&'a Hessian>,
     pub(super) jacobian: &'a [f64],
     pub(super) row_scales: &'a [f64],
     pub(super) curvature: &'a [f64],
@@ -146,9 +147,11 @@ impl System {
         let moves = |i: usize| parts.roles[i] == Role::Moving;
         let Saddle { values, hessian_at, jacobian_at, diagonal_at, .. } = &mut self.saddle;
         values.fill(0.0);
-        for (k, i, j) in self.hessian.entries() {
-            if moves(i) && moves(j) {
-                values[hessian_at[k]] += parts.hessian.values[k];
+        if let Some(hessian) = parts.hessian {
+            for (k, i, j) in self.hessian.entries() {
+                if moves(i) && moves(j) {
+                    values[hessian_at[k]] += hessian.values[k];
+                }
             }
         }
         for (k, i, j) in self.jacobian.entries() {

@@ -6,7 +6,7 @@ mod dive;
 pub(crate) mod joint_motion;
 mod problem;
 mod search;
-mod solver;
+pub(crate) mod solver;
 mod swing_up;
 mod term;
 mod verification;
