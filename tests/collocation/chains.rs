@@ -45,7 +45,20 @@ fn curled<S: NlpSolver>(n: usize, solver: S) -> CollocationReport {
     let mut problem = Problem::try_new(phase).unwrap();
     let began = Instant::now();
     let report = collocation
-        .solve(&mut problem, &[Mesh::try_uniform(10, 4).unwrap()], &mut |i| { if std::env::var("DBG").is_ok() { println!("{} {:.6e} {:?} {:.1e} {:.1e} {:?}", i.number, i.cost, i.residuals, i.step_length, i.shift, began.elapsed()); } if i.number > 150 { Flow::Stop } else { Flow::Continue } })
+        .solve(&mut problem, &[Mesh::try_uniform(10, 4).unwrap()], &mut |i| {
+            if std::env::var("DBG").is_ok() {
+                println!(
+                    "{} {:.6e} {:?} {:.1e} {:.1e} {:?}",
+                    i.number,
+                    i.cost,
+                    i.residuals,
+                    i.step_length,
+                    i.shift,
+                    began.elapsed()
+                );
+            }
+            if i.number > 150 { Flow::Stop } else { Flow::Continue }
+        })
         .unwrap();
     let steps: Vec<_> = report.history.iter().map(|mesh| (mesh.status, mesh.iterations)).collect();
     println!("{n} hinges: {:?}, cost {:.8}, {:?}, {steps:?}", report.status, report.cost, began.elapsed());
