@@ -12,6 +12,7 @@ import linecache
 import math
 import sys
 from collections.abc import Callable, Iterable, Sequence
+from types import FrameType
 from typing import Any
 
 import numpy as np
@@ -24,25 +25,40 @@ from somersault.errors import InputError, TraceError
 _OURS = ("somersault._symbols", "somersault.expr", "numpy")
 
 
-def line_of_user() -> str:
-    """Where the user's function is, in words."""
-    frame = sys._getframe(1)
-    while frame.f_back is not None:
-        name = str(frame.f_globals.get("__name__", ""))
-        if not any(name == module or name.startswith(f"{module}.") for module in _OURS):
-            break
-        frame = frame.f_back
-    path, line = frame.f_code.co_filename, frame.f_lineno
+def _is_of_user(frame: FrameType) -> bool:
+    name = str(frame.f_globals.get("__name__", ""))
+    return not any(name == module or name.startswith(f"{module}.") for module in _OURS)
+
+
+def _place(frame: FrameType, line: int) -> str:
+    """A line in words."""
+    path = frame.f_code.co_filename
     text = linecache.getline(path, line, frame.f_globals).strip()
     return f"{path}, line {line}" + (f", `{text}`" if text else "")
 
 
-def refusal(message: str) -> TraceError:
-    """What is raised where a function cannot be traced, with the line of it."""
-    place = line_of_user()
-    error = TraceError(f"{place}: {message}")
-    error.place, error.reason = place, message
+def _trace_error(place: str, reason: str) -> TraceError:
+    error = TraceError(f"{place}: {reason}")
+    error.place, error.reason = place, reason
     return error
+
+
+def refusal(reason: str) -> TraceError:
+    """What is raised where a function cannot be traced, with the line of it."""
+    frame = sys._getframe(1)
+    while frame.f_back is not None and not _is_of_user(frame):
+        frame = frame.f_back
+    return _trace_error(_place(frame, frame.f_lineno), reason)
+
+
+def raised(error: Exception) -> TraceError:
+    """What a function raised while it was traced, with the line of it."""
+    step, place = error.__traceback__, ""
+    while step is not None:
+        if _is_of_user(step.tb_frame):
+            place = _place(step.tb_frame, step.tb_lineno)
+        step = step.tb_next
+    return _trace_error(place or "`f`", f"{type(error).__name__}: {error}")
 
 
 _NO_VALUE = (

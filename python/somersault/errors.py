@@ -104,7 +104,7 @@ class SweepError(SomersaultError):
 
 
 class TraceError(InputError):
-    """A function cannot be traced: it does something that symbols cannot take part in.
+    """A function cannot be traced: it does something that symbols cannot take part in, or raises.
 
     The message has the line of it, and what to write instead.
     """

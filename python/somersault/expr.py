@@ -25,8 +25,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from somersault._somersault.expr import CompiledFunction, ExpressionGraph
-from somersault._symbols import Symbol, SymbolArray, expression, named, objects, stacked, wrapped
-from somersault.errors import InputError
+from somersault._symbols import Symbol, SymbolArray, expression, named, objects, raised, stacked, wrapped
+from somersault.errors import InputError, SomersaultError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -53,7 +53,8 @@ class Function:
     Raises
     ------
     TraceError
-        If `f` does something that symbols cannot take part in; the message has the line of `f`.
+        If `f` does something that symbols cannot take part in, or raises, which is then the cause. The
+        message has the line of `f`.
     InputError
         If an input has no shape, or `f` does not take it.
 
@@ -97,7 +98,13 @@ class Function:
             if names[name]:
                 symbols[name] = named(symbols[name], names[name])
         _check_signature(f, symbols)
-        found = stacked(f(**symbols))
+        try:
+            returned = f(**symbols)
+        except SomersaultError:
+            raise
+        except Exception as error:
+            raise raised(error) from error
+        found = stacked(returned)
         if found.size > _MOST_NUMBERS:
             raise InputError(f"`f` must return at most {_MOST_NUMBERS} numbers, found {found.size}")
         numbers = [expression(graph, value) for value in found.reshape(-1)]
@@ -353,7 +360,7 @@ def _places(pattern: tuple[NDArray[np.int64], NDArray[np.int64]]) -> tuple[Any, 
 
 
 def _shape(name: str, given: Any) -> tuple[int, ...]:
-    if isinstance(given, bool | str) or not isinstance(given, int | np.integer | Sequence):
+    if isinstance(given, bool | str | bytes) or not isinstance(given, int | np.integer | Sequence):
         raise InputError(f"`{name}` must be a length, a shape or names, found {given!r}")
     if isinstance(given, int | np.integer):
         given = (given,)

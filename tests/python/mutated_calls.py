@@ -45,6 +45,7 @@ MODULES = (
         ".batch",
         ".contact",
         ".exact",
+        ".expr",
         ".forces",
         ".ftla",
         ".integrators",
