@@ -22,7 +22,19 @@ import programs
 import swing_up
 from measure import machine
 
-COMPARISONS = (box, long_run, contact, batch, multibody, expressions, arm, programs, ftla, swing_up, components)
+COMPARISONS = (
+    box,
+    long_run,
+    contact,
+    batch,
+    multibody,
+    expressions,
+    arm,
+    programs,
+    ftla,
+    swing_up,
+    components,
+)
 
 
 def main() -> None:

@@ -131,7 +131,7 @@ class ControlProblem:
         self._final = names.states_of("final", final)
         functions = names.functions(dynamics, (running_cost, end_cost), at_path, at_ends, of_integrals)
         n = len(of_integrals)
-        self._posed = _extension._TracedProblem(
+        self._posed = _extension.TracedProblem(
             functions,
             [[*names.states, *(f"integral {k}" for k in range(n))], names.controls, names.parameters],
             [
@@ -166,8 +166,8 @@ class ControlProblem:
     ) -> CollocationResult:
         """Solves by collocation, refines the mesh to the tolerance, and integrates what was found again.
 
-        Where no motion is found from the guess, the search starts again from one of minimum effort, on horizons
-        of an eighth of the guess's and longer until there is one.
+        Where no motion is found from the guess, the search starts again from one of minimum effort, on
+        horizons of an eighth of the guess's and longer until there is one.
 
         Parameters
         ----------
@@ -291,8 +291,8 @@ class _Names:
         for name in all_names:
             if all_names.count(name) > 1 or name == "t":
                 raise InputError(
-                    "`states`, `controls` and `parameters` must have names of their own, none of them 't', found"
-                    f" {name!r}{'' if name == 't' else ' twice'}"
+                    "`states`, `controls` and `parameters` must have names of their own, none of them 't',"
+                    f" found {name!r}{'' if name == 't' else ' twice'}"
                 )
 
     def ranges(self, argument: str, entries: Mapping[str, _Range] | None) -> list[list[tuple[float, float]]]:

@@ -33,4 +33,4 @@ from somersault._somersault import ocp as _extension
 from somersault._somersault.ocp import *  # noqa: F403
 
 __all__ = ["ControlProblem", "arm_motion", "arm_problem"]
-__all__ += [name for name in _extension.__all__ if not name.startswith("_")]
+__all__ += [name for name in _extension.__all__ if name != "TracedProblem"]

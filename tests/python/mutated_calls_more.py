@@ -266,9 +266,21 @@ solved = double.solve(tol=1e-3, n_intervals=4, n_points=3, max_meshes=2, max_ite
 solved.state([0.1, 0.2])
 solved.costate([0.1, 0.2])
 solved.control(0.1)
+from somersault import expr  # noqa: E402
+
+rates = expr.Function(lambda x, u, t: [u[0] - x[0]], x=1, u=1, t=())._compiled
+effort = expr.Function(lambda x, u, t: [u[0] ** 2], x=1, u=1, t=())._compiled
+free = expr.Function(lambda x, y, s, t: [0.0 * t], x=1, y=1, s=(), t=())._compiled
+TracedProblem = somersault._somersault.ocp.TracedProblem
+traced = TracedProblem(
+    [rates, effort, free], [["x"], ["u"], []],
+    [[(-9.0, 9.0)], [(-3.0, 3.0)], [], [(0.0, 0.0)], [(1.0, 1.0)], [(0.0, 0.0), (1.0, 1.0)], [], []], None,
+)  # fmt: skip
+traced.solve(None, 1e-3, 4, 3, 2, 20, None, None, "raise")
 thrown = ocp.ControlProblem(
-    lambda x, u, t: [u[0] - x[0] * t], 1, 1, initial={"x0": 0.0}, final=[1.0], duration=(0.5, 2.0), start_time=0.5,
-    bounds={"u0": (-3.0, 3.0)}, running_cost=lambda x, u: u[0] ** 2, end_cost=lambda x, t: t,
+    lambda x, u, t: [u[0] - x[0] * t], 1, 1, initial={"x0": 0.0}, final=[1.0],
+    duration=(0.5, 2.0), start_time=0.5, bounds={"u0": (-3.0, 3.0)},
+    running_cost=lambda x, u: u[0] ** 2, end_cost=lambda x, t: t,
     path=[(lambda x: x[0], None, 2.0)], ends=[(lambda x_0, x_f: x_f - x_0, 0.0, 2.0)],
     integrals=[(lambda x: x[0], None, 2.0)], scales={"x0": 1.0, "u0": 1.0},
 )  # fmt: skip
@@ -468,3 +480,12 @@ somersault.load("a.som")
 page = viewer.Scene("A box").add(run, shapes=viewer.Box((0.2, 0.4, 0.6), checkered=True))
 page.html()
 page.write("page.html")
+
+# Nonlinear programs
+solve_program = somersault._somersault.nlp.solve_program
+solve_program(
+    "ipm", ([0.5], [], []), ([0.0], [1.0]), ([], []), ([0, 0], []), ([0, 1], [0]),
+    (lambda x: (float(x[0] ** 2), np.empty(0)), lambda x: (2.0 * x, np.empty(0)),
+     lambda x, s, y: np.array([2.0 * s])),
+    tol=1e-6, max_iterations=20, max_evaluations=50, max_time=1.0, callback=lambda *_: None,
+)  # fmt: skip

@@ -30,8 +30,8 @@ __all__ = [
     "SplineMotion",
     "SwingUpVerification",
     "Term",
+    "TracedProblem",
     "Verification",
-    "_TracedProblem",
     "axis_direction",
     "body_orientation",
     "displacement",
@@ -646,14 +646,14 @@ class CollocationResult(CollocationOutcome):
     def meshes(self) -> list[dict[str, Any]]: ...
 
 @final
-class _TracedProblem:
+class TracedProblem:
     def __new__(
         cls,
         functions: list[Any],
         names: list[list[str]],
         bounds: list[list[tuple[float, float]]],
         scales: tuple[list[float], list[float]] | None,
-    ) -> _TracedProblem: ...
+    ) -> TracedProblem: ...
     def solve(
         self,
         guess: CollocationResult | tuple[Any, ...] | None,

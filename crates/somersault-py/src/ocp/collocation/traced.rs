@@ -12,7 +12,7 @@ use somersault::expr::ExprFunction;
 use somersault::ocp::collocation::{Guess, Interval, Phase, Problem};
 
 /// What `ControlProblem` poses, once its functions are traced.
-#[pyclass(frozen, module = "somersault.ocp", name = "_TracedProblem")]
+#[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct TracedProblem {
     /// f, then L with path constraints, then Φ with end constraints.
     functions: [ExprFunction; 3],
