@@ -16,7 +16,7 @@
 //! | several bodies in the world | children of a body `world` |
 //! | body without mass | massless |
 //! | bodies and joints without name | `body 3`, with the number that MuJoCo gives it; `thigh joint 2` |
-//! | `<geom>` | [`Geometry`](crate::robot::Geometry), to be seen where `contype` and `conaffinity` are 0; planes, height fields and what is fitted to a mesh are not kept |
+//! | `<geom>` | [`Geometry`], to be seen where `contype` and `conaffinity` are 0; planes, height fields and what is fitted to a mesh are not kept |
 //! | `<option gravity>` | gravity of the model, unless [`MjcfOptions::gravity`] is given |
 //! | `<compiler>` | respected, or refused: global coordinates and free joints that are aligned |
 //!
