@@ -1,5 +1,6 @@
 //! Direct collocation: points, derivatives, optima with closed forms, confirmation, and the arm of thesis 8.4.
 
+mod arcs;
 mod arm;
 mod derivatives;
 mod input;

@@ -9,7 +9,8 @@
 //! A motion is sought that makes a cost small and keeps to constraints. What is unknown about it, the decision
 //! vector z, is a start and the parameters of the joint motion; a [`transcription`] makes nodes of it, a
 //! [`term`] makes numbers of a node, a [`problem`] costs and constraints of these, and the result is a nonlinear
-//! program ([`somersault_nlp`]) for a solver. Other than by shooting, motions are found by [`collocation`]. A [`swing_up`] is
+//! program ([`somersault_nlp`]) for a solver. Other than by shooting, motions are found by [`collocation`], whose
+//! solutions [`arcs`] makes exact and certifies. A [`swing_up`] is
 //! the case study; dives, which have a flight and a search of their own, are a crate above.
 #![forbid(unsafe_code)]
 #![cfg_attr(
@@ -17,6 +18,7 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::unreachable, clippy::todo)
 )]
 
+pub mod arcs;
 pub mod collocation;
 pub mod dynamics;
 mod error;

@@ -102,3 +102,4 @@ pub use solve::{Collocation, CollocationReport, CollocationStatus, MeshRecord};
 pub use traced::TracedFunction;
 pub use transcription::Transcription;
 pub use tree::TreeDynamics;
+pub(crate) use vector::Vector;

@@ -30,9 +30,11 @@ pub struct Phase {
     pub(super) path: Objective,
     /// Φ, then b.
     pub(super) ends: Objective,
-    pub(super) bounds: PhaseBounds,
+    pub(crate) bounds: PhaseBounds,
     pub(super) scales: Scales,
     pub(super) guess: Option<Guess>,
+    /// The functions that were traced, if all of them were: f, then L and g, then Φ and b.
+    traced: Option<[ExprFunction; 3]>,
     names: Names,
 }
 
@@ -112,8 +114,14 @@ impl Phase {
             }
         }
         let boxed = |function| Ok::<_, ExprError>(Box::new(TracedFunction::try_new(function)?));
-        Ok(Self::with_derivatives(boxed(dynamics)?, n_controls, n_parameters, ())
-            .terms_with_derivatives(boxed(path)?, boxed(ends)?))
+        let phase = Self::with_derivatives(boxed(dynamics)?, n_controls, n_parameters, ())
+            .terms_with_derivatives(boxed(path)?, boxed(ends)?);
+        Ok(Self { traced: Some([dynamics.clone(), path.clone(), ends.clone()]), ..phase })
+    }
+
+    /// The functions that the phase was made of, if they were traced: f, then L and g, then Φ and b.
+    pub fn traced(&self) -> Option<&[ExprFunction; 3]> {
+        self.traced.as_ref()
     }
 
     /// Names of states and controls, for errors and messages.
@@ -144,6 +152,7 @@ impl Phase {
             bounds,
             scales: Scales { state: Vec::new(), control: Vec::new() },
             guess: None,
+            traced: None,
             names: Names::default(),
         }
     }
@@ -158,6 +167,7 @@ impl Phase {
         let free = |n: usize| vec![Interval::FREE; n.saturating_sub(1)];
         (self.bounds.path, self.bounds.end) = (free(path.n_outputs()), free(ends.n_outputs()));
         (self.path, self.ends) = (Objective::new(path), Objective::new(ends));
+        self.traced = None;
         self
     }
 
@@ -238,7 +248,7 @@ impl Phase {
     }
 
     /// What a row is that has bounds at all times: a state, a control or a path constraint.
-    pub(super) fn name_of_row(&self, row: usize) -> String {
+    pub(crate) fn name_of_row(&self, row: usize) -> String {
         let Sizes { states, controls, .. } = self.sizes;
         let (kind, k, names) = if row < states {
             ("state", row, &self.names.states)
@@ -354,7 +364,7 @@ impl Scales {
 
 /// One or several phases.
 pub struct Problem {
-    pub(super) phases: Vec<Phase>,
+    pub(crate) phases: Vec<Phase>,
     pub(super) linkages: Vec<Linkage>,
 }
 

@@ -133,6 +133,37 @@ impl PhaseSolution {
         self.horizon
     }
 
+    /// The part of the duration that has passed at each node, and the number of its interval.
+    pub(crate) fn places(&self) -> Vec<(f64, usize)> {
+        let intervals = self.grid.intervals.iter().enumerate();
+        intervals
+            .flat_map(|(k, interval)| interval.points().map(move |i| (self.grid.fractions[i], k)))
+            .collect()
+    }
+
+    /// The part of ∫ dt that each point stands for.
+    pub(crate) fn measures(&self) -> Vec<f64> {
+        let duration = self.horizon.1 - self.horizon.0;
+        let intervals = self.grid.intervals.iter();
+        let of = |interval: &GridInterval, i| 0.5 * duration * interval.length * interval.weight(i);
+        intervals.flat_map(|interval| interval.points().map(move |i| of(interval, i))).collect()
+    }
+
+    /// x, u and λ where a fraction of the duration has passed.
+    pub(crate) fn at_fraction(&self, fraction: f64) -> [Vec<f64>; 3] {
+        let (k, tau) = self.grid.locate(fraction);
+        let GridInterval { radau, first, .. } = &self.grid.intervals[k];
+        let (mut with_end, mut without) = (vec![0.0; radau.len() + 1], vec![0.0; radau.len()]);
+        radau.state_basis(tau, &mut with_end);
+        radau.control_basis(tau, &mut without);
+        let tables = [(&self.states, &with_end), (&self.controls, &without), (&self.costates, &with_end)];
+        tables.map(|(table, basis)| {
+            let mut row = vec![0.0; table[0].len()];
+            combine(&table[*first..], basis, &mut row);
+            row
+        })
+    }
+
     /// The mesh.
     pub fn mesh(&self) -> &Mesh {
         &self.grid.mesh
@@ -236,7 +267,7 @@ impl Transcription<'_> {
 
     /// Multipliers of the bounds of the states of phase `k`, at each node, from those of all variables; in units of the cost
     /// by those of the state.
-    pub(super) fn state_multipliers(&self, k: usize, bound_multipliers: &[f64]) -> Vec<Vec<f64>> {
+    pub(crate) fn state_multipliers(&self, k: usize, bound_multipliers: &[f64]) -> Vec<Vec<f64>> {
         let (layout, sizes) = (&self.variables.phases[k], self.problem.phases[k].sizes);
         let multiplier = |variable: usize| {
             let place = self.variables.place[variable];
@@ -366,7 +397,7 @@ impl Transcription<'_> {
     }
 
     /// The multipliers that do not depend on the mesh.
-    pub(super) fn rest(&self, multipliers: &[f64]) -> RestMultipliers {
+    pub(crate) fn rest(&self, multipliers: &[f64]) -> RestMultipliers {
         let (mut row, mut ends) = (0, Vec::new());
         for k in 0..self.grids.len() {
             row += self.n_rows(k);
@@ -377,8 +408,8 @@ impl Transcription<'_> {
 }
 
 /// Multipliers of end constraints, by phase, and of linkages.
-pub(super) struct RestMultipliers {
-    ends: Vec<Vec<f64>>,
+pub(crate) struct RestMultipliers {
+    pub(crate) ends: Vec<Vec<f64>>,
     linkages: Vec<f64>,
 }
 

@@ -12,7 +12,7 @@ use std::cell::RefCell;
 
 /// A point of ℝⁿ, or its rate. Each number is weighed by itself.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Vector(pub(super) Vec<f64>);
+pub(crate) struct Vector(pub(crate) Vec<f64>);
 
 impl Storage for Vector {
     type Allocation = OnHeap;
