@@ -201,6 +201,8 @@ def write_bytes(path: Path, content: bytes) -> None:
     ------
     somersault.errors.WriteError
         If what is there is no file: a directory or a device.
+    TypeError
+        If the content is no bytes.
 
     Examples
     --------
@@ -211,6 +213,8 @@ def write_bytes(path: Path, content: bytes) -> None:
     >>> path.read_text()
     'a whole file or none'
     """
+    if not isinstance(content, bytes):
+        raise TypeError(f"`content` must be bytes, found {type(content).__name__}")
     # what would be replaced is the link
     path = Path(os.path.realpath(path))
     if path.exists() and not path.is_file():

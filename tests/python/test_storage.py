@@ -420,3 +420,10 @@ def test_fitted_scorers_and_recordings_come_back_as_they_were(tmp_path: Path) ->
     learnt, recorded = somersault.load(tmp_path / "both")
     assert [learnt.score(m) for m in motions] == [scorer.score(m) for m in motions]
     assert (recorded.points == recording.points).all()
+
+
+def test_a_file_is_written_from_bytes_alone(tmp_path: Path) -> None:
+    for content in ("text", np.zeros(4)[::2], None):
+        with pytest.raises(TypeError, match="`content` must be bytes, found"):
+            somersault.storage.write_bytes(tmp_path / "a", content)  # type: ignore[arg-type]
+    assert not (tmp_path / "a").exists()

@@ -330,7 +330,8 @@ fn scales_alone(shooting: &Shooting<'_>, samples: &[Vec<Sample>], sizes: &[f64])
     true
 }
 
-/// The matrix whose determinant is zero at a conjugate point: variations of the states, and the way of the motion where time is free.
+/// The matrix whose determinant is zero at a conjugate point: variations of the states, and the rate of
+/// the motion where time is free.
 fn states(
     family: &Family,
     varied: &[usize],
