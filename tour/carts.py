@@ -92,8 +92,13 @@ def write_double_pendulum(page: Page) -> None:
     rows: list[list[str | Cell]] = []
     for duration in _DURATIONS:
         began = time.perf_counter()
-        problem = ocp.CollocationProblem(
-            model, [0.0, np.pi, 0.0, 0.0, 0.0, 0.0], [0.0] * 6, duration, actuated=["cart"]
+        problem = ocp.ControlProblem(
+            model,
+            actuated=["cart"],
+            initial=[0.0, np.pi, 0.0, 0.0, 0.0, 0.0],
+            final=[0.0] * 6,
+            duration=duration,
+            running_cost=lambda x, u: 0.5 * u.u_cart**2,
         )
         found = problem.solve(tol=_TOLERANCE)
         rows.append(

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from somersault._control_problem import ControlProblem, _values
 from somersault._somersault.multibody import two_link_arm
-from somersault._somersault.ocp import CollocationProblem, CollocationResult
+from somersault._somersault.ocp import CollocationResult
+from somersault.errors import InputError
 
 __all__ = ["arm_motion", "arm_problem"]
 
@@ -18,15 +21,15 @@ _FINISH = (np.pi / 2, 0.05, 0.0, 0.0)
 
 
 def arm_problem(
-    initial_state: Sequence[Any] = _START,
-    final_state: Sequence[Any] = _FINISH,
+    initial: Sequence[Any] = _START,
+    final: Sequence[Any] = _FINISH,
     duration: float | tuple[float, float] = 10.0,
     *,
     control_weights: ArrayLike = (1.0, 0.5),
     masses: tuple[float, float] = (0.5, 0.5),
     lengths: tuple[float, float] = (2.0, 0.5),
     damping: tuple[float, float] = (0.2, 0.0),
-) -> CollocationProblem:
+) -> ControlProblem:
     """The two-link arm from one posture to another with minimum effort ½ ∫ γ₁ u₁² + γ₂ u₂² dt.
 
     Without arguments it is the motion of thesis 8.4: ten seconds from one stretched posture to the
@@ -34,7 +37,7 @@ def arm_problem(
 
     Parameters
     ----------
-    initial_state, final_state : sequence, length 4
+    initial, final : sequence, length 4
         (θ₁, θ₂, θ̇₁, θ̇₂), each a number, a pair of bounds, or None where it is free.
     duration : float or tuple of float
         s; a pair makes it a variable.
@@ -45,7 +48,7 @@ def arm_problem(
 
     Returns
     -------
-    CollocationProblem
+    ControlProblem
 
     Examples
     --------
@@ -54,8 +57,22 @@ def arm_problem(
     >>> found.status, found.confirmed
     ('converged', True)
     """
-    arm = two_link_arm(masses, lengths, damping)
-    return CollocationProblem(arm, initial_state, final_state, duration, control_weights=control_weights)
+    weights = _values("control_weights", control_weights)
+    if weights.shape != (2,) or not (weights >= 0.0).all() or not np.isfinite(weights).all():
+        raise InputError(
+            f"`control_weights` must be two numbers that are not negative, found {control_weights!r}"
+        )
+    return ControlProblem(
+        two_link_arm(masses, lengths, damping),
+        initial=initial,
+        final=final,
+        duration=duration,
+        running_cost=functools.partial(_effort, tuple(weights.tolist())),
+    )
+
+
+def _effort(weights: tuple[float, float], x: Any, u: Any) -> Any:
+    return 0.5 * (weights[0] * u[0] ** 2 + weights[1] * u[1] ** 2)
 
 
 def arm_motion(fold: float | None = None, turn: float = 0.0, **options: Any) -> CollocationResult:
@@ -69,7 +86,7 @@ def arm_motion(fold: float | None = None, turn: float = 0.0, **options: Any) -> 
     turn : float, optional
         Added to the last θ₂, rad: ``-2 * numpy.pi`` ends in the same posture at less cost.
     options
-        As those of `CollocationProblem.solve`.
+        As those of `ControlProblem.solve`; the first mesh has 40 intervals of 4 points unless given.
 
     Returns
     -------
@@ -84,8 +101,9 @@ def arm_motion(fold: float | None = None, turn: float = 0.0, **options: Any) -> 
     ('converged', True)
     """
     final = (_FINISH[0], _FINISH[1] + turn, 0.0, 0.0)
+    options = {"n_intervals": 40, "n_points": 4, **options}
     problem = arm_problem(_START, final)
     if fold is None:
         return problem.solve(**options)
     folded = [(angle, fold, np.pi / 10, 0.0) for angle in (-0.4 * np.pi, 0.4 * np.pi)]
-    return problem.solve(([0.0, 1.0, 9.0, 10.0], [_START, *folded, final], None), **options)
+    return problem.solve({"t": [0.0, 1.0, 9.0, 10.0], "x": [_START, *folded, final]}, **options)

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from somersault import expr
 from somersault._somersault import ocp as _extension
+from somersault._somersault.multibody import Model
 from somersault._somersault.ocp import CollocationResult
 from somersault.errors import InputError
 
@@ -32,7 +33,7 @@ _FREE = (-math.inf, math.inf)
 
 
 class ControlProblem:
-    """An optimal control problem, posed by ordinary functions of NumPy.
+    """An optimal control problem, posed by ordinary functions of NumPy and trees of bodies.
 
     ::
 
@@ -47,10 +48,14 @@ class ControlProblem:
 
     Parameters
     ----------
-    dynamics : callable
-        ``f(x, u, t, p)``: the rate of each state.
+    dynamics : callable or Model
+        ``f(x, u, t, p)``: the rate of each state. Or a tree whose joints are revolute, prismatic or fixed:
+        then x = (q, v), and u are forces of joints.
     states, controls, parameters : sequence of str, or int
-        Names of the entries of x, u and p; a number names them ``x0``, ``x1`` and so on.
+        Names of the entries of x, u and p; a number names them ``x0``, ``x1`` and so on. A tree has names of
+        its own unless they are given: ``q_`` and ``v_`` with the bodies that joints move for x, ``u_`` for u.
+    actuated : sequence of str or of bool, optional
+        Bodies of the tree whose joints have a control, or degrees of freedom; all of them unless given.
     initial, final : dict or sequence, optional
         What states are at the start and at the end, by name or in their order: a number, a pair of bounds,
         or None where it is free. States that are not named are free.
@@ -82,6 +87,11 @@ class ControlProblem:
     somersault.errors.TraceError
         If a function cannot be traced, with the line where that is.
 
+    Notes
+    -----
+    A path constraint of states alone is not required at the very end, where nothing is collocated: one that
+    excludes what is fixed there is refused.
+
     Examples
     --------
     The brachistochrone, the curve of fastest descent: down five metres and ten across.
@@ -96,15 +106,25 @@ class ControlProblem:
     >>> found = problem.solve()
     >>> found.status, round(found.cost, 6)
     ('converged', 1.801295)
+
+    A pendulum on a cart, from rest to rest over a metre in two seconds, with minimum effort:
+
+    >>> from somersault import multibody
+    >>> cart = ocp.ControlProblem(
+    ...     multibody.cart_pendulum(), actuated=["cart"], initial=[0, 0, 0, 0], final=[1, 0, 0, 0],
+    ...     duration=2, running_cost=lambda x, u: 0.5 * u.u_cart**2)
+    >>> cart.solve().status, cart.state_names
+    ('converged', ['q_cart', 'q_pendulum', 'v_cart', 'v_pendulum'])
     """
 
     def __init__(
         self,
-        dynamics: Callable[..., Any],
-        states: Sequence[str] | int,
-        controls: Sequence[str] | int = (),
+        dynamics: Callable[..., Any] | Model,
+        states: Sequence[str] | int | None = None,
+        controls: Sequence[str] | int | None = None,
         parameters: Sequence[str] | int = (),
         *,
+        actuated: Sequence[str] | Sequence[bool] | None = None,
         initial: _Entries = None,
         final: _Entries = None,
         duration: float | tuple[float, float] = 1.0,
@@ -118,6 +138,15 @@ class ControlProblem:
         scales: Mapping[str, float] | None = None,
     ) -> None:
         self._given = {name: value for name, value in locals().items() if name != "self"}
+        tree = None
+        if isinstance(dynamics, Model):
+            moved, *own = _extension.TracedPhase.of_tree(dynamics, actuated)
+            tree = (dynamics, moved)
+            states = _as_many("states", states, own[0])
+            controls = _as_many("controls", controls, own[1])
+        elif actuated is not None:
+            raise InputError("`actuated` is of a tree, and `dynamics` is none")
+        self._tree = tree
         names = _Names(states, controls, parameters)
         self._names = names
         at_path, at_ends, of_integrals = (
@@ -129,10 +158,13 @@ class ControlProblem:
         self._ranges = names.ranges("bounds", bounds)
         self._initial = names.states_of("initial", initial)
         self._final = names.states_of("final", final)
-        functions = names.functions(dynamics, (running_cost, end_cost), at_path, at_ends, of_integrals)
+        given = None if isinstance(dynamics, Model) else dynamics
+        functions = names.functions(given, (running_cost, end_cost), at_path, at_ends, of_integrals)
         n = len(of_integrals)
-        self._posed = _extension.TracedProblem(
+        horizon = self._horizon(self._start, self._start)
+        self._phase = _extension.TracedPhase(
             functions,
+            tree,
             [[*names.states, *(f"integral {k}" for k in range(n))], names.controls, names.parameters],
             [
                 [*self._ranges[0], *[_FREE] * n],
@@ -140,15 +172,13 @@ class ControlProblem:
                 self._ranges[2],
                 [*self._initial, *[(0.0, 0.0)] * n],
                 [*self._final, *(pair for each in of_integrals for pair in each.pairs())],
-                [
-                    (self._start, self._start),
-                    (self._start + self._duration[0], self._start + self._duration[1]),
-                ],
                 [pair for each in at_path for pair in each.pairs()],
                 [pair for each in at_ends for pair in each.pairs()],
             ],
             names.scales(scales, n),
+            horizon,
         )
+        self._posed = _extension.TracedProblem([self._phase], [horizon], None)
         self._n_integrals = n
 
     def solve(
@@ -173,8 +203,9 @@ class ControlProblem:
         ----------
         guess : CollocationResult or dict, optional
             An earlier result; or values by name of states, controls and parameters: a number that is
-            constant, or values at the times ``"t"``, at equal distances unless these are given. What is not
-            named is on a straight line between the ends, controls at what is nearest to zero.
+            constant, or values at the times ``"t"``, at equal distances unless these are given; tables
+            ``"x"`` and ``"u"`` have a column for each state and control. What is not named is on a straight
+            line between the ends, controls at what is nearest to zero.
         tol : float, optional
             Relative error that each interval of the mesh may have.
         n_intervals, n_points : int, optional
@@ -196,8 +227,10 @@ class ControlProblem:
             With the best motion found, whatever the status. Columns of `x` after those of the states are the
             integrals.
 
-        Examples -------- A rocket car of limited fuel: from rest to rest over one metre in three seconds,
-        with the least thrust.
+        Examples
+        --------
+        A rocket car of limited fuel: from rest to rest over one metre in three seconds, with the least
+        thrust.
 
         >>> from somersault import ocp
         >>> problem = ocp.ControlProblem(
@@ -208,10 +241,16 @@ class ControlProblem:
         >>> found.status, round(found.cost, 4)  # 3 − √5
         ('converged', 0.7639)
         """
-        start = guess if guess is None or isinstance(guess, CollocationResult) else self._rows(guess)
-        return self._posed.solve(
-            start, tol, n_intervals, n_points, max_meshes, max_iterations, max_time, callback, on_interrupt
+        starts = [] if guess is None else [self._start_of("guess", guess)]
+        found = self._posed.solve(
+            starts, tol, n_intervals, n_points, max_meshes, max_iterations, max_time, callback, on_interrupt
         )
+        return cast("CollocationResult", found)
+
+    @property
+    def model(self) -> Model | None:
+        """Model or None: The tree that moves, if the dynamics are those of one."""
+        return self._tree[0] if self._tree else None
 
     @property
     def state_names(self) -> list[str]:
@@ -228,26 +267,42 @@ class ControlProblem:
         """list of str: Names of the parameters."""
         return list(self._names.parameters)
 
-    def _rows(self, guess: Mapping[str, ArrayLike]) -> tuple[Any, ...]:
-        """Times, states, controls and parameters of a guess by names."""
+    def _horizon(self, first: float, last: float) -> list[tuple[float, float]]:
+        """When it begins and ends, where it begins at a time between two."""
+        return [(first, last), (first + self._duration[0], last + self._duration[1])]
+
+    def _start_of(self, argument: str, guess: _Guess) -> CollocationResult | tuple[Any, ...]:
+        """Times, states, controls and parameters of a guess by names; an earlier result is one itself."""
         names = self._names
+        if isinstance(guess, CollocationResult):
+            return guess
         if not isinstance(guess, Mapping):
-            raise InputError(
-                f"`guess` must be values by name or an earlier result, found {_article(type(guess).__name__)}"
-            )
+            found = _article(type(guess).__name__)
+            raise InputError(f"`{argument}` must be values by name or an earlier result, found {found}")
         known = ["t", *names.states, *names.controls, *names.parameters]
-        rows = {name: _values(f"guess[{name!r}]", value) for name, value in guess.items()}
+        rows = {}
+        for name, value in guess.items():
+            whole = {"x": names.states, "u": names.controls}.get(name) if np.ndim(value) == 2 else None
+            of = f"{argument}[{name!r}]"
+            if whole is None:
+                rows[name] = _values(of, value)
+            elif np.shape(value)[1] == len(whole):
+                rows |= {each: _values(of, row) for each, row in zip(whole, np.transpose(value), strict=True)}
+            else:
+                raise InputError(f"`{of}` must have {len(whole)} columns, found {np.shape(value)[1]}")
         if unknown := [name for name in rows if name not in known]:
-            raise InputError(f"`guess` must have names among {', '.join(known)}, found {unknown[0]!r}")
+            raise InputError(f"`{argument}` must have names among {', '.join(known)}, found {unknown[0]!r}")
         lengths = {len(row) for name, row in rows.items() if row.ndim and name not in names.parameters}
         if len(lengths) > 1:
-            raise InputError(f"`guess` must have as many values of each, found {sorted(lengths)}")
+            raise InputError(f"`{argument}` must have as many values of each, found {sorted(lengths)}")
         count = lengths.pop() if lengths else 2
         if count < 2:
-            raise InputError(f"`guess` must have at least 2 values of each, found {count}")
+            raise InputError(f"`{argument}` must have at least 2 values of each, found {count}")
         low, high = self._duration
         end = self._start + (0.5 * (low + high) if math.isfinite(high) else max(low, 1.0))
         times = rows.get("t", np.linspace(self._start, end, count))
+        if times.ndim != 1 or not (np.diff(times) > 0.0).all():
+            raise InputError(f"`{argument}['t']` must be times that rise")
         fraction = (times - times[0]) / (times[-1] - times[0])
         ends = zip(self._initial, self._final, self._ranges[0], strict=True)
         lines = [_line(first, last, bound, fraction) for first, last, bound in ends]
@@ -280,10 +335,13 @@ class _Names:
     """Names of states, controls and parameters, and what is traced with them."""
 
     def __init__(
-        self, states: Sequence[str] | int, controls: Sequence[str] | int, parameters: Sequence[str] | int
+        self,
+        states: Sequence[str] | int | None,
+        controls: Sequence[str] | int | None,
+        parameters: Sequence[str] | int,
     ) -> None:
         self.states = _names("states", states, "x")
-        self.controls = _names("controls", controls, "u")
+        self.controls = _names("controls", () if controls is None else controls, "u")
         self.parameters = _names("parameters", parameters, "p")
         if not self.states:
             raise InputError("`states` must have at least one name, found none")
@@ -322,6 +380,8 @@ class _Names:
         if scales is None:
             return None
         parts = [*self.states, *self.controls]
+        if not isinstance(scales, Mapping):
+            raise InputError(f"`scales` must be sizes by name, found {_article(type(scales).__name__)}")
         for name, value in scales.items():
             if name not in parts:
                 raise InputError(f"`scales` must have names among {', '.join(parts)}, found {name!r}")
@@ -334,7 +394,7 @@ class _Names:
 
     def functions(
         self,
-        dynamics: Callable[..., Any],
+        dynamics: Callable[..., Any] | None,
         costs: tuple[Callable[..., Any] | None, Callable[..., Any] | None],
         path: list[_Constrained],
         ends: list[_Constrained],
@@ -342,17 +402,17 @@ class _Names:
     ) -> list[Any]:
         """f with the integrands; L with path constraints; Φ with end constraints.
 
-        Inputs are in the order of collocation.
+        Inputs are in the order of collocation. A tree has its own f.
         """
-        rates = _called("dynamics", dynamics, _ALONG)
+        rates = None if dynamics is None else _called("dynamics", dynamics, _ALONG)
         running, final = (
             _called("running_cost", costs[0], _ALONG),
             _called("end_cost", costs[1], ("x", "t", "p")),
         )
 
         def moving(x: Any, z: Any, u: Any, p: Any, t: Any) -> list[Any]:
-            found = _flat("dynamics", rates(x, u, t, p))
-            if len(found) != len(self.states):
+            found = [] if rates is None else _flat("dynamics", rates(x, u, t, p))
+            if rates is not None and len(found) != len(self.states):
                 raise InputError(f"`dynamics` must give {len(self.states)} rates, found {len(found)}")
             return [*found, *(value for each in integrals for value in each.values(x, u, t, p))]
 
@@ -405,6 +465,9 @@ class _Constrained:
         lower, upper = (
             self._side(*each) for each in (("lower", self.lower, -math.inf), ("upper", self.upper, math.inf))
         )
+        for low, high in zip(lower, upper, strict=True):
+            if low > high:
+                raise InputError(f"`{self.name}` must have bounds that do not cross, found ({low}, {high})")
         return list(zip(lower, upper, strict=True))
 
     def _side(self, side: str, limit: Any, default: float) -> list[float]:
@@ -443,11 +506,25 @@ def _called(argument: str, function: Any, names: Sequence[str]) -> Callable[...,
     return lambda *arguments: function(*arguments[:n])
 
 
+def _as_many(argument: str, given: Sequence[str] | int | None, own: list[str]) -> Sequence[str]:
+    """Names that replace those of a tree."""
+    if given is None:
+        return own
+    found = _names(argument, given, {"states": "x", "controls": "u"}[argument])
+    if len(found) != len(own):
+        raise InputError(f"`{argument}` must have {len(own)} names for the tree, found {len(found)}")
+    return found
+
+
 def _flat(argument: str, found: Any) -> list[Any]:
     """Values one after the other."""
     if found is None:
         raise InputError(f"`{argument}` must return its values, found None")
-    return list(np.ravel(np.asarray(found, dtype=object)))
+    values = list(np.ravel(np.asarray(found, dtype=object)))
+    for value in values:
+        if isinstance(value, float) and not math.isfinite(value):
+            raise InputError(f"`{argument}` must return finite values, found {value}")
+    return values
 
 
 def _one(argument: str, found: Any) -> Any:
@@ -457,13 +534,14 @@ def _one(argument: str, found: Any) -> Any:
     return values[0]
 
 
-def _names(argument: str, given: Sequence[str] | int, prefix: str) -> list[str]:
+def _names(argument: str, given: Sequence[str] | int | None, prefix: str) -> list[str]:
     if isinstance(given, int) and not isinstance(given, bool):
         if not 0 <= given <= _MOST_NAMES:
             raise InputError(f"`{argument}` must be names or a number up to {_MOST_NAMES}, found {given}")
         return [f"{prefix}{k}" for k in range(given)]
     if isinstance(given, str) or not isinstance(given, Iterable):
-        raise InputError(f"`{argument}` must be a sequence of names or a number, found {given!r}")
+        what = "a sequence of names or a number"
+        raise InputError(f"`{argument}` must be {what} where `dynamics` is a function, found {given!r}")
     names = list(given)
     for name in names:
         if not isinstance(name, str) or not name.isidentifier() or keyword.iskeyword(name):

@@ -8,7 +8,8 @@ is a problem of its own kind; `dive_107b` and `dive_5174d` are those of the thes
 `success` says that a program is solved, `confirmed` that an accurate integration agrees with its motion;
 each result has what that found as `verification`. Results and problems are written by `somersault.save`.
 
-`CollocationProblem` is solved by direct collocation: torques of a tree, costates, meshes refined to a
+A `ControlProblem` is any problem of optimal control: dynamics, costs and constraints are functions of NumPy,
+or dynamics are those of a tree. Direct collocation solves it, with costates, on meshes refined to a
 tolerance; a `MultiphaseProblem` is several of them, linked. `CartPendulumProblem` and `arm_problem` are the
 two examples of the thesis.
 
@@ -29,8 +30,9 @@ two examples of the thesis.
 
 from somersault._arm import arm_motion, arm_problem
 from somersault._control_problem import ControlProblem
+from somersault._multiphase_problem import MultiphaseProblem
 from somersault._somersault import ocp as _extension
 from somersault._somersault.ocp import *  # noqa: F403
 
-__all__ = ["ControlProblem", "arm_motion", "arm_problem"]
-__all__ += [name for name in _extension.__all__ if name != "TracedProblem"]
+__all__ = ["ControlProblem", "MultiphaseProblem", "arm_motion", "arm_problem"]
+__all__ += [name for name in _extension.__all__ if not name.startswith("Traced")]

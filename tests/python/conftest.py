@@ -1,5 +1,7 @@
 """What the tests share."""
 
+import signal
+
 import hypothesis
 import numpy as np
 import pytest
@@ -7,6 +9,9 @@ from numpy.typing import NDArray
 
 import somersault
 from somersault import multibody
+
+# a shell that starts the tests in the background has SIGINT ignored, and what Ctrl-C does is tested
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 hypothesis.settings.register_profile("somersault", derandomize=True, deadline=None, database=None)
 hypothesis.settings.load_profile("somersault")

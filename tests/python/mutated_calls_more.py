@@ -257,10 +257,10 @@ found.literal(40)
 found.literal_momentum(40)
 ocp.dive_5174d(n_steps=20)
 ocp.Dive(planar, ["A", "H"], somersaults=1.5, n_steps=20, template=[(0.0, "A"), (0.4, "H"), (1.0, "A")])
-double = ocp.CollocationProblem(
+double = ocp.ControlProblem(
     multibody.Model([multibody.Link("mass", "prismatic", axis=(1, 0, 0), mass=1.0)], gravity=(0, 0, 0)),
-    (0.0, 0.0), (1.0, 0.0), 1.0, control_weights=[1.0], control_lower=[-10.0], control_upper=[10.0],
-    state_upper=(2.0, 2.0),
+    actuated=["mass"], initial=(0.0, 0.0), final=(1.0, 0.0), duration=1.0,
+    bounds={"u_mass": (-10.0, 10.0), "q_mass": (None, 2.0)}, running_cost=lambda x, u: 0.5 * u[0] ** 2,
 )  # fmt: skip
 solved = double.solve(tol=1e-3, n_intervals=4, n_points=3, max_meshes=2, max_iterations=20)
 solved.state([0.1, 0.2])
@@ -271,12 +271,18 @@ from somersault import expr  # noqa: E402
 rates = expr.Function(lambda x, u, t: [u[0] - x[0]], x=1, u=1, t=())._compiled
 effort = expr.Function(lambda x, u, t: [u[0] ** 2], x=1, u=1, t=())._compiled
 free = expr.Function(lambda x, y, s, t: [0.0 * t], x=1, y=1, s=(), t=())._compiled
+TracedPhase = somersault._somersault.ocp.TracedPhase
 TracedProblem = somersault._somersault.ocp.TracedProblem
-traced = TracedProblem(
-    [rates, effort, free], [["x"], ["u"], []],
-    [[(-9.0, 9.0)], [(-3.0, 3.0)], [], [(0.0, 0.0)], [(1.0, 1.0)], [(0.0, 0.0), (1.0, 1.0)], [], []], None,
+phase = TracedPhase(
+    [rates, effort, free], None, [["x"], ["u"], []],
+    [[(-9.0, 9.0)], [(-3.0, 3.0)], [], [(0.0, 0.0)], [(1.0, 1.0)], [], []], None, [(0.0, 0.0), (1.0, 1.0)],
 )  # fmt: skip
-traced.solve(None, 1e-3, 4, 3, 2, 20, None, None, "raise")
+TracedPhase.of_tree(double.model, ["mass"])
+traced = TracedProblem([phase], [[(0.0, 0.0), (1.0, 1.0)]], None)
+traced.solve([], 1e-3, 4, 3, 2, 20, None, None, "raise")
+TracedProblem(
+    [phase, phase], [[(0.0, 0.0), (1.0, 1.0)], [(1.0, 1.0), (2.0, 2.0)]], [(0, 1, "time", 0, 0, (0.0, 0.0))]
+)
 thrown = ocp.ControlProblem(
     lambda x, u, t: [u[0] - x[0] * t], 1, 1, initial={"x0": 0.0}, final=[1.0],
     duration=(0.5, 2.0), start_time=0.5, bounds={"u0": (-3.0, 3.0)},
@@ -286,7 +292,7 @@ thrown = ocp.ControlProblem(
 )  # fmt: skip
 thrown.solve({"x0": [0.0, 1.0]}, tol=1e-3, n_intervals=4, n_points=3, max_meshes=2, max_iterations=20)
 ocp.MultiphaseProblem([double], None).solve(tol=1e-3, n_intervals=4, max_iterations=10)
-ocp.MultiphaseProblem([double, double], [(None, None)])
+ocp.MultiphaseProblem([double, double], [{"q_mass": None, "v_mass": (0.0, None)}])
 
 # Hyper-sensitive problems
 linear = ftla.linear_regulator()

@@ -52,13 +52,15 @@ def test_angles_that_newton_winds_up_are_unwound() -> None:
 def test_a_tree_and_its_equations_are_one_problem() -> None:
     # the angle of the tree counts towards −x, here towards x
     tree = multibody.cart_pendulum(1.0, 0.3, 0.5)
-    options: dict[str, Any] = {
-        "actuated": ["cart"],
-        "control_weights": 2.0,
-        "control_lower": -20,
-        "control_upper": 20,
-    }
-    of_tree = ocp.CollocationProblem(tree, [0, -np.pi, 0, 0], [1, 0, 0, 0], 2.0, **options).solve(tol=1e-8)
+    of_tree = ocp.ControlProblem(
+        tree,
+        actuated=["cart"],
+        initial=[0, -np.pi, 0, 0],
+        final=[1, 0, 0, 0],
+        duration=2.0,
+        bounds={"u_cart": (-20, 20)},
+        running_cost=lambda x, u: u.u_cart**2,
+    ).solve(tol=1e-8)
 
     def rates(x: Any, u: Any) -> list[Any]:
         m1, m2, length, g = 1.0, 0.3, 0.5, 9.81

@@ -308,56 +308,56 @@ def cases() -> Iterator[tuple[str, Callable[[str, Any], Any], dict[str, list[Any
     yield "literal_momentum", call(solution.literal_momentum), {"n_steps": COUNT}
     yield "sentence", call(problem.verify(z).sentence), {"allowed": [NAN, INF, -1.0, 0.0, "a", None]}
 
-    ends = ["a", 3, None, [], [0.0], ["a", 0.0], [NAN, 0.0], [(2.0, 1.0), 0.0]]
-    weights = [NAN, INF, -1.0, "a", [], [1.0] * 7]
-    bounds = [NAN, "a", [], [0.0] * 7]
-    straight = {"model": block(), "initial_state": [0, 0], "final_state": [1, 0], "duration": 1.0}
+    ends = ["a", 3, [], [0.0], ["a", 0.0], [NAN, 0.0], [(2.0, 1.0), 0.0]]
+    straight = {
+        "dynamics": block(),
+        "initial": [0, 0],
+        "final": [1, 0],
+        "duration": 1.0,
+        "running_cost": lambda x, u: 0.5 * u[0] ** 2,
+    }
+    moved = ocp.ControlProblem(**straight)
+    function = [3, "a", [], lambda: NAN, lambda x, u, t, p, q: 0.0, lambda x: [x, x]]
+    constraints = ["a", 3, [3], [(3, 0, 0)], [(lambda x: x, "a", 0)], [(lambda x: x[0], 1, 0)]]
+    names = [3.0, "a", ["a", "a"], [3], ["a b"], -1, 10**9]
     yield (
-        "CollocationProblem",
-        call(ocp.CollocationProblem, **straight),
+        "ControlProblem",
+        call(ocp.ControlProblem, **straight),
         {
-            "model": [3, None],
-            "initial_state": ends,
-            "final_state": ends,
-            "duration": DURATION,
+            "dynamics": [3, None],
+            "states": [*names, 1],
+            "controls": [*names, 0],
+            "parameters": names,
+            "initial": [*ends, {"a": 0}, {"q_block": "a"}],
+            "final": [*ends, {"a": 0}, {"q_block": "a"}],
+            "duration": [each for each in DURATION if each != (0.0, 1.0)],
+            "start_time": FINITE,
             "actuated": [["nobody"], 3],
-            "control_weights": weights,
-            "state_weights": weights,
-            "final_weights": weights,
-            "target": [NAN, INF, "a", [], [0.0] * 7],
-            "time_weight": FINITE,
-            "control_lower": bounds,
-            "control_upper": bounds,
-            "state_lower": bounds,
-            "state_upper": bounds,
-            "path": ["a", 3, [[1.0]], [[NAN, 0.0, 0.0]], [1.0, 0.0, 0.0]],
-            "path_lower": [0.0],
-            "path_upper": [0.0],
+            "running_cost": function,
+            "end_cost": function,
+            "path": [*constraints, [(lambda x: x[0], None, 0.5)]],
+            "ends": constraints,
+            "integrals": [*constraints, [(lambda x: x, 0, 0)]],
+            "bounds": ["a", 3, {"a": 0}, {"q_block": "a"}, {"q_block": (2.0, 1.0)}, {"q_block": NAN}],
+            "scales": ["a", 3, {"a": 1}, {"q_block": 1.0}, {"q_block": 0.0, "v_block": 1, "u_block": 1}],
         },
     )
-    yield (
-        "CollocationProblem with a path",
-        call(ocp.CollocationProblem, **straight, path=[[1.0, 0.0, 0.0]]),
-        {"path_lower": [*bounds, 0.5, 2.0], "path_upper": [*bounds, -0.5, 0.5]},
-    )
-    moved = ocp.CollocationProblem(**straight)
     found = moved.solve()
-    pair = [[0.0, 0.0], [1.0, 0.0]]
-    guess = [
+    pair = {"x": [[0.0, 0.0], [1.0, 0.0]]}
+    guess: list[Any] = [
         "a",
         3,
         [],
-        [[0.0, 0.0]],
-        [[NAN, 0.0], [1.0, 0.0]],
-        (1, 2),
-        (pair, pair, pair, pair),
-        ([0.0, 1.0], pair),
-        ([0.0, NAN], pair, None),
-        ([1.0, 0.0], pair, None),
-        ([0.0, 1.0], pair, [[0.0]]),
+        {"a": 0.0},
+        {"x": [[0.0, 0.0]]},
+        {"x": [[NAN, 0.0], [1.0, 0.0]]},
+        {"x": [[0.0], [1.0]]},
+        {"t": [0.0, NAN], **pair},
+        {"t": [1.0, 0.0], **pair},
+        {"q_block": [0.0, 1.0], "v_block": [0.0, 1.0, 2.0]},
     ]
     yield (
-        "CollocationProblem.solve",
+        "ControlProblem.solve",
         call(moved.solve),
         {
             "guess": guess,
@@ -368,7 +368,8 @@ def cases() -> Iterator[tuple[str, Callable[[str, Any], Any], dict[str, list[Any
             **SOLVE,
         },
     )
-    linked = ocp.MultiphaseProblem([moved, ocp.CollocationProblem(block(), [1, 0], [0, 0], 1.0)])
+    back = ocp.ControlProblem(**{**straight, "initial": [1, 0], "final": [0, 0]})
+    linked = ocp.MultiphaseProblem([moved, back])
     yield (
         "MultiphaseProblem",
         call(ocp.MultiphaseProblem, phases=linked.phases),
@@ -379,9 +380,20 @@ def cases() -> Iterator[tuple[str, Callable[[str, Any], Any], dict[str, list[Any
                 None,
                 [3],
                 [moved, moved],
-                [moved, ocp.arm_problem()],
+                [moved, ocp.ControlProblem(**straight, start_time=1.0)],
             ],
-            "links": ["a", 3, [], ["a"], [3], [[0.0]], [[NAN, 0.0]], [[(1.0, 0.0), 0.0]], [[0.5, 0.0]]],
+            "links": [
+                "a",
+                3,
+                [],
+                ["a"],
+                [3],
+                [[0.0]],
+                [{"a": 0.0}],
+                [{"q_block": NAN}],
+                [{"q_block": (1.0, 0.0)}],
+                [{"q_block": 0.5}],
+            ],
         },
     )
     two = linked.solve(n_intervals=2)
@@ -389,7 +401,7 @@ def cases() -> Iterator[tuple[str, Callable[[str, Any], Any], dict[str, list[Any
         "MultiphaseProblem.solve",
         call(linked.solve),
         {
-            "guess": [*guess, [pair], [pair, "a"], [pair, [[0.0, 0.0]]], [pair, pair, pair], found],
+            "guess": [*guess, [pair], [pair, "a"], [pair, {"x": [[0.0, 0.0]]}], [pair, pair, pair], found],
             "n_intervals": COUNT,
             "n_points": [*COUNT, 501],
             "max_meshes": COUNT,
@@ -403,7 +415,11 @@ def cases() -> Iterator[tuple[str, Callable[[str, Any], Any], dict[str, list[Any
     yield (
         "arm_problem",
         call(ocp.arm_problem),
-        {"duration": DURATION, "initial_state": ends, "control_weights": weights},
+        {
+            "duration": [each for each in DURATION if each != (0.0, 1.0)],
+            "initial": ends,
+            "control_weights": [NAN, INF, -1.0, "a", [], [1.0] * 7],
+        },
     )
 
 
@@ -446,11 +462,11 @@ def test_problems_with_nothing_to_vary_are_refused() -> None:
     assert posed(1.0, free_velocities=[False, True]).n_variables == 1
     with pytest.raises(errors.InputError, match="`lower` and `upper` must leave something to vary"):
         posed((0.5, 1.0), lower=0.7, upper=0.7)
-    rest: dict[str, Any] = {"initial_state": [0, 0], "final_state": [0, 0], "duration": 1.0}
-    still: dict[str, Any] = {"state_lower": 0.0, "state_upper": 0.0, "control_upper": 0.0}
-    assert ocp.CollocationProblem(block(), **rest, **still).solve().success
-    with pytest.raises(errors.InputError, match="`state_lower` and `state_upper`, `control_lower` and"):
-        ocp.CollocationProblem(block(), **rest, **still, control_lower=0.0)
+    ends: dict[str, Any] = {"initial": [0, 0], "final": [0, 0]}
+    still: dict[str, Any] = {"q_block": 0.0, "v_block": 0.0}
+    assert ocp.ControlProblem(block(), **ends, bounds={**still, "u_block": (None, 0.0)}).solve().success
+    with pytest.raises(errors.InputError, match="`bounds` or the horizon must leave something free"):
+        ocp.ControlProblem(block(), **ends, bounds={**still, "u_block": 0.0})
 
 
 @pytest.mark.parametrize("value", [np.nan, [np.nan, 0.0], [0.0, np.nan]])

@@ -1,5 +1,6 @@
 """What results of optimal motions carry: verification, searches, files."""
 
+import functools
 import pickle
 import subprocess
 import sys
@@ -164,13 +165,13 @@ def test_phases_have_costs_and_constraints_of_their_own() -> None:
 def test_a_path_constraint_of_collocation_holds() -> None:
     block = multibody.Link("block", joint="prismatic", axis=(1, 0, 0), mass=1.0)
     model = somersault.Model([block], gravity=(0, 0, 0))
-    free = ocp.CollocationProblem(model, [0, 0], [1, 0], 1.0).solve()
+    posed = functools.partial(
+        ocp.ControlProblem, model, initial=[0, 0], final=[1, 0], running_cost=lambda x, u: 0.5 * u[0] ** 2
+    )
+    free = posed().solve()
     assert free.x[:, 1].max() > 1.4
     # the speed and a tenth of the force together
-    problem = ocp.CollocationProblem(
-        model, [0, 0], [1, 0], 1.0, path=[[0.0, 1.0, 0.1]], path_lower=-np.inf, path_upper=1.3
-    )
-    held = problem.solve()
+    held = posed(path=[(lambda x, u: x.v_block + 0.1 * u.u_block, None, 1.3)]).solve()
     assert held.success and (held.x[:-1, 1] + 0.1 * held.u[:, 0]).max() < 1.3 + 1e-6
     assert held.cost > free.cost
 
@@ -246,7 +247,6 @@ def things(swung: tuple[ocp.MotionProblem, ocp.Report]) -> dict[str, Any]:
     base = ocp.EigenpostureBase([[0.1, 0.2, 0.3], [1.0, 0.0, 0.7], [0.3, 0.9, 0.1]])
     cart = ocp.CartPendulumProblem(scheme="rk4", force_weight=0.5)
     dive = ocp.dive_107b(n_steps=20).solve()
-    arm = ocp.arm_problem(duration=(9.0, 11.0))
     terms = [
         ocp.entries("torque", [0]),
         ocp.displacement([0.0, 1.0], [1]),
@@ -274,7 +274,6 @@ def things(swung: tuple[ocp.MotionProblem, ocp.Report]) -> dict[str, Any]:
         "solution": dive,
         "judged": dive.verification,
         "literal": dive.literal(20),
-        "arm": arm,
         "arm motion": ocp.arm_motion(np.pi, tol=1e-3),
     }
 
@@ -296,8 +295,9 @@ def test_all_results_come_back_from_pickles_and_files(things: dict[str, Any], tm
 
 
 def test_functions_are_no_part_of_a_file(tmp_path: Path) -> None:
-    with pytest.raises(WriteError, match="cannot be written"):
-        somersault.save(tmp_path / "f", ocp.function(lambda node: 0.0))
+    for thing in (ocp.function(lambda node: 0.0), ocp.arm_problem()):
+        with pytest.raises(WriteError, match="cannot be written"):
+            somersault.save(tmp_path / "f", thing)
 
 
 def test_truncated_and_hostile_files_are_refused(things: dict[str, Any], tmp_path: Path) -> None:

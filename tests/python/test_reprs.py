@@ -98,9 +98,10 @@ def problem() -> ocp.MotionProblem:
 
 
 @cache
-def block() -> ocp.CollocationProblem:
+def block() -> ocp.ControlProblem:
     link = multibody.Link("block", "prismatic", axis=(1, 0, 0), mass=1.0)
-    return ocp.CollocationProblem(multibody.Model([link], gravity=(0, 0, 0)), [0, 0], [1, 0], 1.0)
+    model = multibody.Model([link], gravity=(0, 0, 0))
+    return ocp.ControlProblem(model, initial=[0, 0], final=[1, 0], running_cost=lambda x, u: 0.5 * u[0] ** 2)
 
 
 @cache
@@ -232,7 +233,6 @@ MADE: dict[str, Callable[[], Any]] = {
     "WorkPrecision": lambda: studies.work_precision(studies.Problem.case(1), "heun", [0.1], repeats=1),
     # optimal motions
     "CartPendulumProblem": ocp.CartPendulumProblem,
-    "CollocationProblem": block,
     "CollocationResult": moved,
     "ControlProblem": lambda: ocp.ControlProblem(lambda x, u: u, states=1, controls=1, final=[1]),
     "Constraint": lambda: ocp.Constraint(

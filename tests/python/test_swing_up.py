@@ -139,11 +139,16 @@ def test_a_spline_comes_near_the_optimum_over_all_forces_from_above() -> None:
     problem = ocp.CartPendulumProblem(n_par=22, scheme="rk4")
     best = problem.search(24, seed=1).best
     motion = problem.motion(best.z)
-    free = ocp.CollocationProblem(
-        problem.model, [-1.0, np.pi, 0.0, 0.0], [None] * 4, 2.0, actuated=["cart"], final_weights=1e5
+    free = ocp.ControlProblem(
+        problem.model,
+        actuated=["cart"],
+        initial=[-1.0, np.pi, 0.0, 0.0],
+        duration=2.0,
+        running_cost=lambda x, u: 0.5 * u.u_cart**2,
+        end_cost=lambda x: 0.5e5 * x @ x,
     )
-    guess = (motion.t[::4], np.hstack([motion.q, motion.v])[::4], motion.torque[::4, :1])
-    optimum = free.solve(guess, n_intervals=20)
+    guess = {"t": motion.t, "x": np.hstack([motion.q, motion.v]), "u": motion.torque[:, :1]}
+    optimum = free.solve({name: rows[::4] for name, rows in guess.items()}, n_points=4)
     assert optimum.status == "converged"
     # CasADi with IPOPT, tests/derivations/continuous_swing_up.py
     assert optimum.cost == pytest.approx(380.256269, abs=1e-4)

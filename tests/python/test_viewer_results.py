@@ -99,10 +99,11 @@ def swing() -> ocp.Motion:
     return problem.motion(np.full(problem.n_variables, 0.3))
 
 
-def block(start: float = 0.0) -> ocp.CollocationProblem:
-    link = multibody.Link("block", joint="prismatic", axis=(1, 0, 0), body=BODY)
+def block(start: float = 0.0, name: str = "block") -> ocp.ControlProblem:
+    link = multibody.Link(name, joint="prismatic", axis=(1, 0, 0), body=BODY)
     model = somersault.Model([link], gravity=(0, 0, 0))
-    return ocp.CollocationProblem(model, [start, 0], [start + 1.0, 0], 1.0)
+    ends = {"initial": [start, 0], "final": [start + 1.0, 0]}
+    return ocp.ControlProblem(model, **ends, running_cost=lambda x, u: 0.5 * u[0] ** 2)
 
 
 def flung() -> multibody.TreeSolution:
@@ -221,6 +222,7 @@ WITHOUT = {
     "MethodInfo",
     "MethodTable",
     "MinimizeResult",
+    "MultiphaseProblem",
     "Pca",
     "Perturbation",
     "Phase",
@@ -355,15 +357,7 @@ def test_a_fit_is_drawn_in_the_size_that_was_found() -> None:
 
 
 def test_phases_of_several_trees_are_added_one_by_one() -> None:
-    other = ocp.CollocationProblem(
-        somersault.Model(
-            [multibody.Link("it", joint="prismatic", axis=(1, 0, 0), mass=2.0)], gravity=(0, 0, 0)
-        ),
-        [1, 0],
-        [2, 0],
-        1.0,
-    )
-    found = ocp.MultiphaseProblem([block(), other]).solve()
+    found = ocp.MultiphaseProblem([block(), block(1.0, "it")]).solve()
     with pytest.raises(TypeError, match="add one of its `phases`"):
         viewer.Scene().add(found)
     scene = viewer.Scene()

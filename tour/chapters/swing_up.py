@@ -87,12 +87,16 @@ def continuous(case: Case) -> ocp.CollocationResult:
     """The problem without a spline: any force, by collocation, from the motion of a spline."""
     problem = ocp.CartPendulumProblem(n_par=thesis.SWING_UP[case.name][0] + 2, n_steps=_FINE, scheme="rk4")
     motion = problem.motion(case.accurate.z)
-    free = ocp.CollocationProblem(
-        problem.model, [-1.0, np.pi, 0.0, 0.0], [None] * 4, 2.0, actuated=["cart"], final_weights=1e5
+    free = ocp.ControlProblem(
+        problem.model,
+        actuated=["cart"],
+        initial=[-1.0, np.pi, 0.0, 0.0],
+        duration=2.0,
+        running_cost=lambda x, u: 0.5 * u.u_cart**2,
+        end_cost=lambda x: 0.5e5 * x @ x,
     )
-    rows = slice(None, None, 16)
-    guess = (motion.t[rows], np.hstack([motion.q, motion.v])[rows], motion.torque[rows, :1])
-    return free.solve(guess, tol=1e-7, n_intervals=20)
+    guess = {"t": motion.t, "x": np.hstack([motion.q, motion.v]), "u": motion.torque[:, :1]}
+    return free.solve({name: rows[::16] for name, rows in guess.items()}, tol=1e-7, n_points=4)
 
 
 def _frames(motion: ocp.Motion) -> Axes:

@@ -11,7 +11,6 @@ from somersault._somersault.multibody import Diver, Model
 __all__ = [
     "CartPendulumProblem",
     "CollocationOutcome",
-    "CollocationProblem",
     "CollocationResult",
     "Constraint",
     "Cost",
@@ -22,7 +21,6 @@ __all__ = [
     "LiteralDive",
     "Motion",
     "MotionProblem",
-    "MultiphaseProblem",
     "MultiphaseResult",
     "Phase",
     "Report",
@@ -30,6 +28,7 @@ __all__ = [
     "SplineMotion",
     "SwingUpVerification",
     "Term",
+    "TracedPhase",
     "TracedProblem",
     "Verification",
     "axis_direction",
@@ -539,49 +538,6 @@ class SwingUpVerification(Verification):
     @property
     def cost_error(self) -> float: ...
 
-@final
-class CollocationProblem:
-    def __new__(
-        cls,
-        model: Model,
-        initial_state: Sequence[_Entry],
-        final_state: Sequence[_Entry],
-        duration: float | tuple[float, float],
-        *,
-        actuated: _Active | None = None,
-        control_weights: ArrayLike | None = None,
-        state_weights: ArrayLike | None = None,
-        final_weights: ArrayLike | None = None,
-        target: ArrayLike | None = None,
-        time_weight: float = 0.0,
-        control_lower: ArrayLike | None = None,
-        control_upper: ArrayLike | None = None,
-        state_lower: ArrayLike | None = None,
-        state_upper: ArrayLike | None = None,
-        path: ArrayLike | None = None,
-        path_lower: ArrayLike | None = None,
-        path_upper: ArrayLike | None = None,
-    ) -> CollocationProblem: ...
-    @property
-    def model(self) -> Model: ...
-    @property
-    def n_states(self) -> int: ...
-    @property
-    def n_controls(self) -> int: ...
-    def solve(
-        self,
-        guess: ArrayLike | tuple[ArrayLike, ArrayLike, ArrayLike | None] | CollocationResult | None = None,
-        *,
-        tol: float = 1e-6,
-        n_intervals: int = 40,
-        n_points: int = 4,
-        max_meshes: int = 20,
-        max_iterations: int | None = None,
-        max_time: float | None = None,
-        callback: Callable[[int, _Floats, float, float], object] | None = None,
-        on_interrupt: Literal["raise", "return"] = "raise",
-    ) -> CollocationResult: ...
-
 @disjoint_base
 class CollocationOutcome:
     @property
@@ -646,17 +602,30 @@ class CollocationResult(CollocationOutcome):
     def meshes(self) -> list[dict[str, Any]]: ...
 
 @final
-class TracedProblem:
+class TracedPhase:
     def __new__(
         cls,
         functions: list[Any],
+        tree: tuple[Model, list[int]] | None,
         names: list[list[str]],
         bounds: list[list[tuple[float, float]]],
         scales: tuple[list[float], list[float]] | None,
+        horizon: list[tuple[float, float]],
+    ) -> TracedPhase: ...
+    @staticmethod
+    def of_tree(model: Model, actuated: _Active | None) -> tuple[list[int], list[str], list[str]]: ...
+
+@final
+class TracedProblem:
+    def __new__(
+        cls,
+        phases: list[TracedPhase],
+        horizons: list[list[tuple[float, float]]],
+        links: list[tuple[int, int, str, int, int, tuple[float, float]]] | None,
     ) -> TracedProblem: ...
     def solve(
         self,
-        guess: CollocationResult | tuple[Any, ...] | None,
+        guesses: list[Any],
         tol: float,
         n_intervals: int,
         n_points: int,
@@ -665,32 +634,7 @@ class TracedProblem:
         max_time: float | None,
         callback: Callable[[int, _Floats, float, float], object] | None,
         on_interrupt: Literal["raise", "return"],
-    ) -> CollocationResult: ...
-
-@final
-class MultiphaseProblem:
-    def __new__(
-        cls,
-        phases: Sequence[CollocationProblem],
-        links: Sequence[Literal["continuous"] | Sequence[_Entry]] | None = None,
-    ) -> MultiphaseProblem: ...
-    @property
-    def phases(self) -> list[CollocationProblem]: ...
-    def solve(
-        self,
-        guess: Sequence[ArrayLike | tuple[ArrayLike, ArrayLike, ArrayLike | None] | CollocationResult]
-        | MultiphaseResult
-        | None = None,
-        *,
-        tol: float = 1e-6,
-        n_intervals: int = 40,
-        n_points: int = 4,
-        max_meshes: int = 20,
-        max_iterations: int | None = None,
-        max_time: float | None = None,
-        callback: Callable[[int, _Floats, float, float], object] | None = None,
-        on_interrupt: Literal["raise", "return"] = "raise",
-    ) -> MultiphaseResult: ...
+    ) -> CollocationOutcome: ...
 
 @final
 class MultiphaseResult(CollocationOutcome):

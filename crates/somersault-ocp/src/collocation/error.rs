@@ -11,7 +11,7 @@ use std::fmt;
 pub struct Entry {
     /// Its number.
     pub index: usize,
-    /// Such as "position of cart".
+    /// Such as "q_cart".
     pub name: Option<String>,
 }
 

@@ -58,7 +58,7 @@ impl Interval {
     }
 
     /// How far `x` is outside.
-    pub(super) fn distance(&self, x: f64) -> f64 {
+    pub fn distance(&self, x: f64) -> f64 {
         (self.lower - x).max(x - self.upper).max(0.0)
     }
 

@@ -82,26 +82,38 @@ impl TreeDynamics {
         self.actuated.len()
     }
 
-    /// The body that each degree of freedom moves.
-    fn bodies(&self) -> Vec<&str> {
-        let of = |body: usize| self.model.velocities_of(body).map(move |_| body);
-        (0..self.model.n_bodies())
-            .flat_map(of)
-            .map(|body| self.model.name(body).unwrap_or_default())
-            .collect()
-    }
-
-    /// What each entry of x is: position or velocity of the joint that transports a body.
+    /// What each entry of x is: `q_` or `v_` with the body that a joint moves, and a number after it where a joint has several.
     pub fn state_names(&self) -> Vec<String> {
         let bodies = self.bodies();
-        let named = |what: &str| bodies.iter().map(|body| format!("{what} of {body}")).collect::<Vec<_>>();
-        [named("position"), named("velocity")].concat()
+        ["q", "v"].iter().flat_map(|kind| bodies.iter().map(move |body| format!("{kind}_{body}"))).collect()
     }
 
-    /// What each entry of u is: the force of the joint that transports a body.
+    /// What each entry of u is: `u_` with the body that the joint moves.
     pub fn control_names(&self) -> Vec<String> {
         let bodies = self.bodies();
-        self.actuated.iter().map(|k| format!("force of {}", bodies[*k])).collect()
+        self.actuated.iter().map(|k| format!("u_{}", bodies[*k])).collect()
+    }
+
+    /// The body that each degree of freedom moves, as part of a name of a variable; degrees of freedom are numbered where that is
+    /// no name for each.
+    fn bodies(&self) -> Vec<String> {
+        let mut names = Vec::with_capacity(self.model.n_velocities());
+        for body in 0..self.model.n_bodies() {
+            let name = self.model.name(body).unwrap_or_default();
+            let name: String =
+                name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+            let of_body = self.model.velocities_of(body);
+            match of_body.len() {
+                1 => names.push(name),
+                n => names.extend((0..n).map(|k| format!("{name}_{k}"))),
+            }
+        }
+        let mut sorted = names.clone();
+        sorted.sort();
+        if sorted.windows(2).any(|pair| pair[0] == pair[1]) {
+            names.iter_mut().enumerate().for_each(|(k, name)| *name = k.to_string());
+        }
+        names
     }
 }
 

@@ -18,8 +18,7 @@ pub(crate) mod module {
 
     #[pymodule_export]
     use crate::ocp::collocation::{
-        CollocationOutcome, CollocationProblem, CollocationResult, MultiphaseProblem, MultiphaseResult,
-        TracedProblem,
+        CollocationOutcome, CollocationResult, MultiphaseResult, TracedPhase, TracedProblem,
     };
     #[pymodule_export]
     use crate::ocp::dive::{Dive, DiveSolution, DiveVerification, LiteralDive, dive_107b, dive_5174d};

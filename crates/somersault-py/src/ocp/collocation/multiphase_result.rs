@@ -1,6 +1,7 @@
 //! What a search found of several phases.
 
-use super::{CollocationOutcome, CollocationProblem, CollocationResult};
+use super::result::Subject;
+use super::{CollocationOutcome, CollocationResult};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore};
 use pyo3::prelude::*;
@@ -33,15 +34,14 @@ fn of_phase(report: &CollocationReport, k: usize) -> CollocationReport {
 impl MultiphaseResult {
     pub(super) fn of(
         py: Python<'_>,
-        problems: &[Py<CollocationProblem>],
+        subjects: &[Subject],
         report: CollocationReport,
         tol: f64,
     ) -> Result<Py<Self>, Error> {
-        let phase = |(k, problem): (usize, &Py<CollocationProblem>)| {
-            let subject = problem.get().subject()?;
-            Ok(CollocationResult::of(py, of_phase(&report, k), subject, tol)?)
+        let phase = |(k, subject): (usize, &Subject)| {
+            Ok(CollocationResult::of(py, of_phase(&report, k), subject.clone(), tol)?)
         };
-        let phases = problems.iter().enumerate().map(phase).collect::<Result<_, Error>>()?;
+        let phases = subjects.iter().enumerate().map(phase).collect::<Result<_, Error>>()?;
         Ok(Self::of_phases(py, report, phases, tol)?)
     }
 

@@ -32,7 +32,9 @@ impl CollocationOutcome {
             let mut drift: f64 = 0.0;
             for (model, phase) in models.iter().zip(&judged.phases) {
                 let Some(model) = model else { continue };
-                let states = phase.states.iter().map(|x| x.split_at(model.n_velocities()));
+                // integrals may follow
+                let n = model.n_velocities();
+                let states = phase.states.iter().map(|x| x[..2 * n].split_at(n));
                 drift = drift.max(momentum_drift(model, states)?);
             }
             let found = verification::Verification {

@@ -94,7 +94,7 @@ impl CollocationResult {
 
 value! {
     impl CollocationResult {
-        /// Model or None: The tree that moves, with x = (q, v); None for equations that are not those of a tree.
+        /// Model or None: The tree that moves, with x = (q, v) and integrals after them; None for equations that are not those of a tree.
         model: Option<Model> = |own| own.subject.model.clone().map(Model::of);
         /// list of str: Names of the states, one for each column of `x`.
         state_names: Vec<String> = |own| own.subject.states.clone();
@@ -151,7 +151,8 @@ impl CollocationResult {
     /// >>> from somersault import multibody, ocp
     /// >>> block = multibody.Link("block", joint="prismatic", axis=(1, 0, 0), mass=1.0)
     /// >>> model = multibody.Model([block], gravity=(0, 0, 0))
-    /// >>> found = ocp.CollocationProblem(model, [0, 0], [1, 0], 1.0).solve()
+    /// >>> effort = lambda x, u: 0.5 * u.u_block**2
+    /// >>> found = ocp.ControlProblem(model, initial=[0, 0], final=[1, 0], running_cost=effort).solve()
     /// >>> found.state([0.0, 0.5, 1.0]).round(4) + 0.0
     /// array([[0. , 0. ],
     ///        [0.5, 1.5],
@@ -175,7 +176,8 @@ impl CollocationResult {
     /// >>> from somersault import multibody, ocp
     /// >>> block = multibody.Link("block", joint="prismatic", axis=(1, 0, 0), mass=1.0)
     /// >>> model = multibody.Model([block], gravity=(0, 0, 0))
-    /// >>> found = ocp.CollocationProblem(model, [0, 0], [1, 0], 1.0).solve()
+    /// >>> effort = lambda x, u: 0.5 * u.u_block**2
+    /// >>> found = ocp.ControlProblem(model, initial=[0, 0], final=[1, 0], running_cost=effort).solve()
     /// >>> found.control([0.25, 0.75]).round(4)
     /// array([[ 3.],
     ///        [-3.]])
@@ -198,7 +200,8 @@ impl CollocationResult {
     /// >>> from somersault import multibody, ocp
     /// >>> block = multibody.Link("block", joint="prismatic", axis=(1, 0, 0), mass=1.0)
     /// >>> model = multibody.Model([block], gravity=(0, 0, 0))
-    /// >>> found = ocp.CollocationProblem(model, [0, 0], [1, 0], 1.0).solve()
+    /// >>> effort = lambda x, u: 0.5 * u.u_block**2
+    /// >>> found = ocp.ControlProblem(model, initial=[0, 0], final=[1, 0], running_cost=effort).solve()
     /// >>> found.costate(0.25).round(3)
     /// array([-12.,  -3.])
     fn costate<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
@@ -315,8 +318,10 @@ impl CollocationResult {
             parameters: parameter_names,
         };
         let of_tree = subject.model.as_ref().map(|model| 2 * model.n_velocities());
+        // integrals may follow
+        let width = subject.states.len();
         for (argument, n, found) in [
-            ("states", of_tree.unwrap_or(subject.states.len()), phase.states[0].len()),
+            ("states", of_tree.filter(|n| *n > width).unwrap_or(width), phase.states[0].len()),
             ("state_names", phase.states[0].len(), subject.states.len()),
             ("control_names", phase.controls.first().map_or(0, Vec::len), subject.controls.len()),
             ("parameter_names", phase.parameters.len(), subject.parameters.len()),

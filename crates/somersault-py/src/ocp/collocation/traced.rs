@@ -1,40 +1,24 @@
-//! A problem of optimal control whose functions were traced.
+//! A problem of optimal control whose functions were traced, of one phase or several.
 
-use super::arguments::intervals_of;
+use super::phase::{TracedPhase, named};
 use super::result::Subject;
 use super::search::SearchOptions;
-use super::{CollocationResult, NAMES};
+use super::{CollocationOutcome, CollocationResult, MultiphaseResult};
 use crate::core::convert::{integer, integer_or_none};
 use crate::core::error::Error;
-use crate::expr::CompiledFunction;
 use pyo3::prelude::*;
-use somersault::expr::ExprFunction;
-use somersault::ocp::collocation::{Guess, Interval, Phase, Problem};
+use somersault::ocp::collocation::{End, Guess, Interval, Linkage, Place, Problem, Quantity};
 
-/// What `ControlProblem` poses, once its functions are traced.
+/// What `ControlProblem` and `MultiphaseProblem` pose, once functions are traced.
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct TracedProblem {
-    /// f, then L with path constraints, then Φ with end constraints.
-    functions: [ExprFunction; 3],
-    subject: Subject,
-    bounds: Bounds,
-    scales: Option<(Vec<f64>, Vec<f64>)>,
+    phases: Vec<Py<TracedPhase>>,
+    horizons: Vec<[Interval; 2]>,
+    /// None for a problem of one phase, whose result is that of the phase.
+    linkages: Option<Vec<Linkage>>,
 }
 
-struct Bounds {
-    states: Vec<Interval>,
-    controls: Vec<Interval>,
-    parameters: Vec<Interval>,
-    initial: Vec<Interval>,
-    last: Vec<Interval>,
-    horizon: [Interval; 2],
-    path: Vec<Interval>,
-    ends: Vec<Interval>,
-}
-
-type Pairs = Vec<(f64, f64)>;
-
-/// Where a search starts.
+/// Where a search starts, in one phase.
 #[derive(FromPyObject)]
 enum Given<'py> {
     Result(Bound<'py, CollocationResult>),
@@ -49,68 +33,78 @@ fn guess_of(given: Given<'_>) -> Guess {
     }
 }
 
-impl TracedProblem {
-    fn phase(&self, guess: Option<Guess>) -> Result<Phase, Error> {
-        let [dynamics, path, ends] = &self.functions;
-        let (bounds, subject) = (&self.bounds, &self.subject);
-        let [start, end] = bounds.horizon;
-        let n = [subject.controls.len(), subject.parameters.len()];
-        let mut phase = Phase::try_traced([dynamics, path, ends], n[0], n[1])?
-            .names(subject.states.clone(), subject.controls.clone())
-            .state_bounds(bounds.states.clone())
-            .control_bounds(bounds.controls.clone())
-            .parameter_bounds(bounds.parameters.clone())
-            .initial_state(bounds.initial.clone())
-            .final_state(bounds.last.clone())
-            .horizon(start, end)
-            .path_bounds(bounds.path.clone())
-            .end_bounds(bounds.ends.clone());
-        if let Some((states, controls)) = &self.scales {
-            phase = phase.scales(states.clone(), controls.clone());
+/// From the end of one phase to the start of another, or from the start of one to its end: 'state' and two entries, 'parameter' and
+/// two entries, 'time', 'duration'; and what the difference may be.
+type Link = (usize, usize, String, usize, usize, (f64, f64));
+
+fn linkage((left, right, what, i, j, (lower, upper)): Link) -> Result<Linkage, Error> {
+    let (first, second) = match what.as_str() {
+        "state" => (Quantity::State(i), Quantity::State(j)),
+        "parameter" => (Quantity::Parameter(i), Quantity::Parameter(j)),
+        "time" | "duration" => (Quantity::Time, Quantity::Time),
+        other => {
+            return Err(Error::input(format!(
+                "`links` must be of a state, parameter, time or duration, found '{other}'"
+            )));
         }
-        Ok(match guess {
-            Some(guess) => phase.guess(guess),
-            None => phase,
-        })
+    };
+    let (from, to) = if what == "duration" { (End::Start, End::Finish) } else { (End::Finish, End::Start) };
+    Ok(Linkage {
+        left: Place { phase: left, end: from, quantity: first },
+        right: Place { phase: right, end: to, quantity: second },
+        difference: Interval::new(lower, upper),
+    })
+}
+
+impl TracedProblem {
+    fn problem(&self, guesses: Vec<Guess>) -> Result<Problem, Error> {
+        let mut guesses = guesses.into_iter();
+        let each = self.phases.iter().zip(&self.horizons);
+        let phases = each
+            .map(|(phase, horizon)| phase.get().phase(*horizon, guesses.next()))
+            .collect::<Result<_, _>>()?;
+        Problem::try_of_phases(phases, self.linkages.clone().unwrap_or_default())
+            .map_err(|error| named(error.into()))
     }
 
-    fn problem(&self, guess: Option<Guess>) -> Result<Problem, Error> {
-        Problem::try_new(self.phase(guess)?).map_err(|error| Error::from(error).with_names(&NAMES))
+    fn subjects(&self) -> Vec<Subject> {
+        self.phases.iter().map(|phase| phase.get().subject.clone()).collect()
     }
 }
 
 #[pymethods]
 impl TracedProblem {
-    /// Functions, names of states, controls and parameters, bounds of these, of both ends, both times, path and end constraints,
-    /// and scales of states and controls.
+    /// Phases with first and last times that each may begin and end at, and links between them; none for a problem of one phase.
     #[new]
     fn new(
-        functions: [Py<CompiledFunction>; 3],
-        names: [Vec<String>; 3],
-        bounds: [Pairs; 8],
-        scales: Option<(Vec<f64>, Vec<f64>)>,
+        phases: Vec<Py<TracedPhase>>,
+        horizons: Vec<[(f64, f64); 2]>,
+        links: Option<Vec<Link>>,
     ) -> Result<Self, Error> {
-        let [states, controls, parameters] = names;
-        let subject = Subject { model: None, states, controls, parameters };
-        let [x, u, p, initial, last, times, path, ends] = bounds.map(intervals_of);
-        let horizon = times.try_into().map_err(|found: Vec<_>| {
-            Error::input(format!("`times` must have 2 entries, found {}", found.len()))
-        })?;
-        let bounds = Bounds { states: x, controls: u, parameters: p, initial, last, horizon, path, ends };
-        let functions = functions.map(|function| function.get().function.clone());
-        let posed = Self { functions, subject, bounds, scales };
-        posed.problem(None)?;
+        let n = if links.is_none() { 1 } else { phases.len() };
+        if phases.len() != n || horizons.len() != n {
+            let found = phases.len().max(horizons.len());
+            return Err(Error::input(format!("`horizons` must have {n} entries, found {found}")));
+        }
+        let horizons = horizons
+            .into_iter()
+            .map(|horizon| horizon.map(|(lower, upper)| Interval::new(lower, upper)))
+            .collect();
+        let linkages =
+            links.map(|links| links.into_iter().map(linkage).collect::<Result<_, _>>()).transpose()?;
+        let posed = Self { phases, horizons, linkages };
+        posed.problem(Vec::new())?;
         Ok(posed)
     }
 
-    /// As `ControlProblem.solve`, with a guess by times, states, controls and parameters.
+    /// As `ControlProblem.solve` and `MultiphaseProblem.solve`, with guesses by times, states, controls and parameters.
     #[pyo3(signature = (
-        guess, tol, n_intervals, n_points, max_meshes, max_iterations, max_time, callback, on_interrupt
+        guesses, tol, n_intervals, n_points, max_meshes, max_iterations, max_time, callback, on_interrupt
     ))]
     fn solve(
         &self,
         py: Python<'_>,
-        guess: Option<Given<'_>>,
+        guesses: Vec<Given<'_>>,
         tol: f64,
         #[pyo3(from_py_with = integer)] n_intervals: i64,
         #[pyo3(from_py_with = integer)] n_points: i64,
@@ -119,12 +113,22 @@ impl TracedProblem {
         max_time: Option<f64>,
         callback: Option<&Bound<'_, PyAny>>,
         on_interrupt: &str,
-    ) -> Result<Py<CollocationResult>, Error> {
+    ) -> Result<Py<CollocationOutcome>, Error> {
         let sizes = (n_intervals, n_points);
         let options =
             SearchOptions { tol, sizes, max_meshes, max_iterations, max_time, callback, on_interrupt };
-        let problem = || self.problem(guess.map(guess_of));
-        let subject = self.subject.clone();
-        options.run(py, 1, problem, |report| Ok(CollocationResult::of(py, report, subject, tol)?))
+        let problem = || self.problem(guesses.into_iter().map(guess_of).collect());
+        let subjects = self.subjects();
+        let found = |report| match (&self.linkages, subjects.as_slice()) {
+            (None, [subject]) => {
+                let found = CollocationResult::of(py, report, subject.clone(), tol)?;
+                Ok(found.into_bound(py).into_super().unbind())
+            }
+            _ => {
+                let found = MultiphaseResult::of(py, &subjects, report, tol)?;
+                Ok(found.into_bound(py).into_super().unbind())
+            }
+        };
+        options.run(py, subjects.len(), problem, found)
     }
 }

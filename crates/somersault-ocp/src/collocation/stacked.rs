@@ -1,0 +1,92 @@
+//! Functions one below the other, each of some of the arguments.
+
+use super::function::VectorFunction;
+use nalgebra::DMatrix;
+use somersault_nlp::EvaluationError;
+
+/// The outputs of several functions in a row, each called with arguments of its own choice: a tree with integrals beside it.
+pub struct Stacked {
+    parts: Vec<Part>,
+    n_outputs: usize,
+}
+
+/// One of the functions.
+struct Part {
+    function: Box<dyn VectorFunction>,
+    /// Which of all arguments its own are.
+    places: Vec<usize>,
+    arguments: Vec<f64>,
+    jacobian: DMatrix<f64>,
+    hessian: DMatrix<f64>,
+}
+
+impl Part {
+    fn gather(&mut self, arguments: &[f64]) {
+        self.arguments.iter_mut().zip(&self.places).for_each(|(to, &place)| *to = arguments[place]);
+    }
+}
+
+impl Stacked {
+    /// Functions with the places of their arguments, in increasing order, among all of them.
+    pub fn new(parts: Vec<(Box<dyn VectorFunction>, Vec<usize>)>) -> Self {
+        let n_outputs = parts.iter().map(|(function, _)| function.n_outputs()).sum();
+        let part = |(function, places): (Box<dyn VectorFunction>, Vec<usize>)| {
+            let (m, n) = (function.n_outputs(), places.len());
+            let (jacobian, hessian) = (DMatrix::zeros(m, n), DMatrix::zeros(n, n));
+            Part { function, places, arguments: vec![0.0; n], jacobian, hessian }
+        };
+        Self { parts: parts.into_iter().map(part).collect(), n_outputs }
+    }
+}
+
+impl VectorFunction for Stacked {
+    fn n_outputs(&self) -> usize {
+        self.n_outputs
+    }
+
+    fn evaluate(&mut self, arguments: &[f64], mut values: &mut [f64]) -> Result<(), EvaluationError> {
+        for part in &mut self.parts {
+            part.gather(arguments);
+            let (own, rest) = values.split_at_mut(part.function.n_outputs());
+            part.function.evaluate(&part.arguments, own)?;
+            values = rest;
+        }
+        Ok(())
+    }
+
+    fn jacobian(&mut self, arguments: &[f64], jacobian: &mut DMatrix<f64>) -> Result<(), EvaluationError> {
+        jacobian.fill(0.0);
+        let mut first = 0;
+        for part in &mut self.parts {
+            part.gather(arguments);
+            part.function.jacobian(&part.arguments, &mut part.jacobian)?;
+            for (column, &place) in part.jacobian.column_iter().zip(&part.places) {
+                jacobian.view_mut((first, place), (column.len(), 1)).copy_from(&column);
+            }
+            first += part.function.n_outputs();
+        }
+        Ok(())
+    }
+
+    fn add_hessian(
+        &mut self,
+        arguments: &[f64],
+        mut weights: &[f64],
+        hessian: &mut DMatrix<f64>,
+    ) -> Result<(), EvaluationError> {
+        for part in &mut self.parts {
+            part.gather(arguments);
+            let (own, rest) = weights.split_at(part.function.n_outputs());
+            part.hessian.fill(0.0);
+            part.function.add_hessian(&part.arguments, own, &mut part.hessian)?;
+            // places increase, so the upper triangle stays above
+            for (j, &column) in part.places.iter().enumerate() {
+                for (i, &row) in part.places[..=j].iter().enumerate() {
+                    hessian[(row, column)] += part.hessian[(i, j)];
+                }
+            }
+            weights = rest;
+        }
+        Ok(())
+    }
+}
