@@ -7,3 +7,4 @@ mod input;
 mod known;
 mod optima;
 mod radau;
+mod sensitivity;

@@ -48,6 +48,9 @@
 //! residuals of its own, unscaled functions hold, and feasibility is restored on squares of violations, so that both solvers
 //! call the same points infeasible. Without a Hessian it takes the same quasi-Newton approximations as [`Sqp`].
 //!
+//! **Sensitivity.** [`Sensitivity`] differentiates a solution with respect to the values of fixed variables, of equalities and of
+//! other bounds that hold it, by the factors of one more KKT matrix (Fiacco 1983).
+//!
 //! **Advice.** A strong penalty on a nonlinear function, or a long integration, bends a narrow valley, along which
 //! every method creeps. Make the function's value and the state at a few nodes variables, with equalities: the same
 //! minimum then takes a fraction of the steps (7 instead of 171 for case A of the thesis' Table A.1, 9 for case G).
@@ -56,7 +59,8 @@
 //! (2006) 25–57. R. Fletcher & S. Leyffer, Math. Program. 91 (2002) 239–269. J. Morales, J. Nocedal & Y. Wu, IMA J. Numer. Anal. 32 (2012) 553–579. P. Gill, W. Murray &
 //! M. Saunders, SIAM Review 47 (2005) 99–131. M. Hintermüller, K. Ito & K. Kunisch, SIAM J. Optim. 13 (2002) 865–888.
 //! P. Goulart & Y. Chen, Clarabel, arXiv:2405.12762 (2024). D. Janka, C. Kirches, S. Sager & A. Wächter, Math.
-//! Program. Comput. 8 (2016) 435–459. D. Bertsekas, SIAM J. Control Optim. 20 (1982) 221–246.
+//! Program. Comput. 8 (2016) 435–459. A. Fiacco, Introduction to Sensitivity and Stability Analysis in Nonlinear Programming
+//! (1983). D. Bertsekas, SIAM J. Control Optim. 20 (1982) 221–246.
 #![forbid(unsafe_code)]
 #![cfg_attr(
     not(test),
@@ -78,6 +82,7 @@ mod program;
 mod quadratic;
 mod report;
 mod saddle;
+mod sensitivity;
 mod solver;
 mod sqp;
 mod subproblem;
@@ -92,6 +97,7 @@ pub use multi_start::{
 };
 pub use nlp::{Bounds, Curvature, EvaluationError, Nlp, NoEntry, NoHessian, Pattern, Structure};
 pub use report::{Counts, Iteration, KktResiduals, Report, Start, Status};
+pub use sensitivity::{Derivative, Held, NoDerivative, Sensitivity};
 pub use solver::NlpSolver;
 pub use somersault_core::cancel::Flow;
 pub use sqp::{Globalisation, HessianSource, Sqp};

@@ -833,7 +833,7 @@ fn families() -> Vec<Problem> {
     ]
 }
 
-fn all() -> Vec<Problem> {
+pub(crate) fn all() -> Vec<Problem> {
     [published(), small(), families(), heat_exchangers(), large()].concat()
 }
 

@@ -10,5 +10,6 @@ mod least_squares;
 mod multi_start;
 mod problems;
 mod random;
+mod sensitivity;
 mod sqp;
 mod unconstrained;

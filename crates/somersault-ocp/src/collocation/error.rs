@@ -3,7 +3,7 @@
 use super::interval::Interval;
 use somersault_core::argument::ArgumentError;
 use somersault_expr::ExprError;
-use somersault_nlp::{EvaluationError, SolverError};
+use somersault_nlp::{EvaluationError, NoDerivative, SolverError};
 use std::fmt;
 
 /// An entry of a state or of the controls, and what that is where it has a name.
@@ -156,6 +156,9 @@ pub enum CollocationError {
         /// Most points.
         most: usize,
     },
+    /// A solution cannot be differentiated.
+    #[error(transparent)]
+    NoDerivative(#[from] NoDerivative),
     /// The solver was misused, or a function of the user failed in it.
     #[error(transparent)]
     Solver(#[from] SolverError),

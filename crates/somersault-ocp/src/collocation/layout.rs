@@ -83,7 +83,8 @@ pub(super) struct Variables {
 }
 
 impl Variables {
-    pub(super) fn new(problem: &Problem, grids: &[Grid]) -> Self {
+    /// Those that are fixed are decided too where `keeps_fixed`, within bounds that are equal.
+    pub(super) fn new(problem: &Problem, grids: &[Grid], keeps_fixed: bool) -> Self {
         let mut phases: Vec<PhaseLayout> = Vec::new();
         let (mut intervals, mut scales) = (Vec::new(), Vec::new());
         for (phase, grid) in problem.phases.iter().zip(grids) {
@@ -100,7 +101,8 @@ impl Variables {
         for (i, interval) in intervals.iter().enumerate() {
             if interval.is_fixed() {
                 values[i] = interval.lower;
-            } else {
+            }
+            if keeps_fixed || !interval.is_fixed() {
                 place[i] = Some(free.len());
                 free.push(i);
                 bounds.push(interval.lower / scales[i], interval.upper / scales[i]);

@@ -10,8 +10,9 @@ use super::function::VectorFunction;
 use super::guess::Guess;
 use super::layout::PhaseLayout;
 use super::mesh::{Grid, GridInterval, Mesh};
+use super::solve::CollocationReport;
 use super::transcription::Transcription;
-use somersault_nlp::Nlp;
+use somersault_nlp::{Nlp, Start};
 use std::ops::Deref;
 
 /// Distance of a time to its bound, relative to its size, at which that holds it.
@@ -313,27 +314,18 @@ impl Transcription<'_> {
         Ok(phases.any(|layout| (0..2).any(|end| runs(layout, layout.times() + end))))
     }
 
-    fn phase_solution(&self, k: usize, row: usize, multipliers: &[f64]) -> PhaseSolution {
-        let (grid, layout, values) = (&self.grids[k], &self.variables.phases[k], &self.variables.values);
-        let sizes = self.problem.phases[k].sizes;
-        let n = grid.n_points();
-        let slice = |first: usize, length: usize| values[first..first + length].to_vec();
-        let horizon = (values[layout.times()], values[layout.times() + 1]);
-        let duration = horizon.1 - horizon.0;
+    /// λ at the points and the end of phase `k`, whose rows begin at `row`.
+    pub(super) fn costates(&self, k: usize, row: usize, multipliers: &[f64]) -> Vec<Vec<f64>> {
+        let (grid, states) = (&self.grids[k], self.problem.phases[k].sizes.states);
         let covector = |i: usize, s: usize| {
-            let row = row + i * sizes.states + s;
+            let row = row + i * states + s;
             multipliers[row] / self.row_scales[row]
         };
-        let (mut costates, mut path_multipliers) = (Vec::with_capacity(n + 1), Vec::with_capacity(n));
-        let n_path = self.problem.phases[k].path.n_outputs() - 1;
-        let path_row = row + n * sizes.states;
+        let mut costates: Vec<Vec<f64>> = Vec::with_capacity(grid.n_points() + 1);
         for interval in &grid.intervals {
             for i in interval.points() {
                 let weight = interval.weight(i);
-                costates.push((0..sizes.states).map(|s| -covector(i, s) / weight).collect::<Vec<_>>());
-                let measure = 0.5 * duration * interval.length * weight;
-                let at_point = &multipliers[path_row + i * n_path..path_row + (i + 1) * n_path];
-                path_multipliers.push(at_point.iter().map(|y| y / measure).collect());
+                costates.push((0..states).map(|s| -covector(i, s) / weight).collect());
             }
         }
         let last = &grid.intervals[grid.intervals.len() - 1];
@@ -341,7 +333,28 @@ impl Transcription<'_> {
         let at_end = |s: usize| -> f64 {
             last.points().zip(end_column.iter()).map(|(i, d)| -d * covector(i, s)).sum()
         };
-        costates.push((0..sizes.states).map(at_end).collect());
+        costates.push((0..states).map(at_end).collect());
+        costates
+    }
+
+    fn phase_solution(&self, k: usize, row: usize, multipliers: &[f64]) -> PhaseSolution {
+        let (grid, layout, values) = (&self.grids[k], &self.variables.phases[k], &self.variables.values);
+        let sizes = self.problem.phases[k].sizes;
+        let n = grid.n_points();
+        let slice = |first: usize, length: usize| values[first..first + length].to_vec();
+        let horizon = (values[layout.times()], values[layout.times() + 1]);
+        let duration = horizon.1 - horizon.0;
+        let costates = self.costates(k, row, multipliers);
+        let mut path_multipliers = Vec::with_capacity(n);
+        let n_path = self.problem.phases[k].path.n_outputs() - 1;
+        let path_row = row + n * sizes.states;
+        for interval in &grid.intervals {
+            for i in interval.points() {
+                let measure = 0.5 * duration * interval.length * interval.weight(i);
+                let at_point = &multipliers[path_row + i * n_path..path_row + (i + 1) * n_path];
+                path_multipliers.push(at_point.iter().map(|y| y / measure).collect());
+            }
+        }
         let (rates, costs) = self.rates_and_costs(k);
         let hamiltonian = (0..n)
             .map(|i| {
@@ -362,13 +375,25 @@ impl Transcription<'_> {
         solution
     }
 
+    /// A start at the solution of a like problem on the same meshes, with its multipliers where constraints are as many.
+    pub(super) fn repeated(&mut self, from: &CollocationReport) -> Result<Start, CollocationError> {
+        let program = &from.program;
+        let guesses: Vec<Guess> = from.phases.iter().map(PhaseSolution::to_guess).collect();
+        for (k, guess) in guesses.iter().enumerate() {
+            guess.validate((guesses.len() > 1).then_some(k), &self.problem.phases[k].sizes)?;
+        }
+        if program.constraint_multipliers.len() != self.row_scales.len() {
+            return Ok(self.start(&guesses).into());
+        }
+        let start = self.continued(&from.phases, &self.rest(&program.constraint_multipliers));
+        let is_alike = program.bound_multipliers.len() == start.z.len();
+        let bound_multipliers = if is_alike { program.bound_multipliers.clone() } else { Vec::new() };
+        Ok(Start { bound_multipliers, ..start })
+    }
+
     /// Decision vector and multipliers that continue from solutions on another mesh; `rest` are the multipliers of
     /// what does not depend on the mesh, the end constraints of each phase and the linkages.
-    pub(super) fn continued(
-        &mut self,
-        from: &[PhaseSolution],
-        rest: &RestMultipliers,
-    ) -> (Vec<f64>, Vec<f64>) {
+    pub(super) fn continued(&mut self, from: &[PhaseSolution], rest: &RestMultipliers) -> Start {
         let mut multipliers = Vec::with_capacity(self.row_scales.len());
         for (k, solution) in from.iter().enumerate() {
             let (layout, n) = (self.variables.phases[k], self.grids[k].n_points());
@@ -393,7 +418,7 @@ impl Transcription<'_> {
             multipliers.extend(&rest.ends[k]);
         }
         multipliers.extend(&rest.linkages);
-        (self.variables.decision(), multipliers)
+        Start { z: self.variables.decision(), constraint_multipliers: multipliers, ..Start::default() }
     }
 
     /// The multipliers that do not depend on the mesh.

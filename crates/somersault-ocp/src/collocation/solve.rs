@@ -13,7 +13,7 @@ use super::transcription::Transcription;
 use super::winding::unwind;
 use somersault_core::argument::expect_positive;
 use somersault_core::cancel::CancellationToken;
-use somersault_nlp::{Flow, Globalisation, Iteration, NlpSolver, Report, Sqp, Start, Status};
+use somersault_nlp::{Flow, Globalisation, Iteration, NlpSolver, Report, Sqp, Status};
 use std::time::{Duration, Instant};
 
 /// How far an infeasible point of a mesh may be from feasible for the next mesh to start from it.
@@ -128,6 +128,17 @@ impl CollocationReport {
     }
 }
 
+/// Where a search begins.
+#[derive(Clone, Copy)]
+enum Origin<'a> {
+    /// At the guesses of the phases.
+    Phases,
+    /// At other guesses.
+    Guesses(&'a [Guess]),
+    /// At the solution of a like problem.
+    Solution(&'a CollocationReport),
+}
+
 impl<S: NlpSolver> Collocation<S> {
     /// Solves, from the guesses of the phases and from `meshes`, one for each phase. Where the first program has no motion, the
     /// search starts again from one of minimum effort, on horizons of an eighth of the guess's and longer until there is one.
@@ -151,8 +162,32 @@ impl<S: NlpSolver> Collocation<S> {
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
         token: &CancellationToken,
     ) -> Result<CollocationReport, CollocationError> {
+        self.solve_from(problem, meshes, Origin::Phases, on_iteration, token)
+    }
+
+    /// The same from where a like problem was solved, another initial state or another parameter apart: on the meshes of that
+    /// solution and with its multipliers, so that few steps are left.
+    pub fn solve_again(
+        &self,
+        problem: &mut Problem,
+        solution: &CollocationReport,
+        on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
+        token: &CancellationToken,
+    ) -> Result<CollocationReport, CollocationError> {
+        let meshes: Vec<Mesh> = solution.phases.iter().map(|phase| phase.mesh().clone()).collect();
+        self.solve_from(problem, &meshes, Origin::Solution(solution), on_iteration, token)
+    }
+
+    fn solve_from(
+        &self,
+        problem: &mut Problem,
+        meshes: &[Mesh],
+        origin: Origin<'_>,
+        on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
+        token: &CancellationToken,
+    ) -> Result<CollocationReport, CollocationError> {
         self.check()?;
-        let found = self.search(problem, meshes, None, Vec::new(), on_iteration, token)?;
+        let found = self.search(problem, meshes, origin, Vec::new(), on_iteration, token)?;
         if !found.is_lost() {
             return Ok(found);
         }
@@ -162,15 +197,15 @@ impl<S: NlpSolver> Collocation<S> {
             return Ok(CollocationReport { history: starts, ..found });
         };
         let history = found.history.into_iter().chain(starts).collect();
-        self.search(problem, meshes, Some(&start), history, on_iteration, token)
+        self.search(problem, meshes, Origin::Guesses(&start), history, on_iteration, token)
     }
 
-    /// One search, from the guesses of the phases or from others; `history` has what was tried before it.
+    /// One search; `history` has what was tried before it.
     fn search(
         &self,
         problem: &mut Problem,
         meshes: &[Mesh],
-        guesses: Option<&[Guess]>,
+        origin: Origin<'_>,
         mut history: Vec<MeshRecord>,
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
         token: &CancellationToken,
@@ -181,13 +216,11 @@ impl<S: NlpSolver> Collocation<S> {
         loop {
             let began = Instant::now();
             let mut transcription = Transcription::try_new(problem, &meshes)?;
-            let start = match (&previous, guesses) {
-                (None, None) => transcription.decision_of_guess().into(),
-                (None, Some(guesses)) => transcription.start(guesses).into(),
-                (Some((phases, rest)), _) => {
-                    let (z, constraint_multipliers) = transcription.continued(phases, rest);
-                    Start { z, constraint_multipliers, ..Start::default() }
-                }
+            let start = match (&previous, origin) {
+                (Some((phases, rest)), _) => transcription.continued(phases, rest),
+                (None, Origin::Phases) => transcription.decision_of_guess().into(),
+                (None, Origin::Guesses(guesses)) => transcription.start(guesses).into(),
+                (None, Origin::Solution(solution)) => transcription.repeated(solution)?,
             };
             let program = self.solver.solve(&mut transcription, &start, on_iteration)?;
             let mut phases = transcription.solution(&program.z, &program.constraint_multipliers)?;

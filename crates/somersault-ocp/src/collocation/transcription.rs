@@ -58,12 +58,21 @@ fn duration(variables: &Variables, phase: usize) -> f64 {
 impl<'p> Transcription<'p> {
     /// The problem on one mesh for each phase.
     pub fn try_new(problem: &'p mut Problem, meshes: &[Mesh]) -> Result<Self, CollocationError> {
+        Self::made(problem, meshes, false)
+    }
+
+    /// The same with what is fixed among the variables, where it has multipliers and can be moved.
+    pub(super) fn with_fixed(problem: &'p mut Problem, meshes: &[Mesh]) -> Result<Self, CollocationError> {
+        Self::made(problem, meshes, true)
+    }
+
+    fn made(problem: &'p mut Problem, meshes: &[Mesh], keeps_fixed: bool) -> Result<Self, CollocationError> {
         if meshes.len() != problem.phases.len() {
             let (expected, found) = (problem.phases.len(), meshes.len());
             return Err(CollocationError::Length { phase: None, argument: "meshes", expected, found });
         }
         let grids = meshes.iter().cloned().map(Grid::try_new).collect::<Result<Vec<_>, _>>()?;
-        let variables = Variables::new(problem, &grids);
+        let variables = Variables::new(problem, &grids, keeps_fixed);
         if variables.free.is_empty() {
             return Err(CollocationError::NothingFree);
         }

@@ -1,0 +1,197 @@
+//! Derivatives of a solution with respect to the values that hold it.
+//!
+//! Where z solves a program with multipliers y and the active set A does not change, the conditions of Karush, Kuhn and Tucker
+//! are equations, and the theorem on implicit functions differentiates them (Fiacco 1983, theorem 3.2.2):
+//!
+//! ```text
+//! | H   Aᵀ |  | dz |   |  0 |
+//! | A   0  |  | dy | = | dv |        H = ∇²(f + yᵀ c),  A: the active rows of c and the bounds,  dv: how their values move
+//! ```
+//! The matrix is that of the last step of a solver, factored once for all derivatives. The cost changes by −y dv.
+
+use crate::error::SolverError;
+use crate::kkt::{Activity, Kkt};
+use crate::nlp::{Bounds, Curvature, EvaluationError, Nlp};
+use crate::program::{Point, Program, check_vector, max_norm};
+use crate::report::{Report, Start};
+
+/// KKT residual above which a point is no solution.
+const SOLVED: f64 = 1e-5;
+/// Multipliers and distances to the bound, relative to their sizes, that are both below this leave open whether it acts.
+const WEAK: f64 = 1e-6;
+/// Curvature along the active constraints, relative to the largest entry of the Hessian, below which a minimum is not isolated.
+const FLAT: f64 = 1e-10;
+/// Derivatives beyond this, relative to the point, are those of constraints that depend on each other but for rounding.
+const STEEPEST: f64 = 1e5;
+
+/// What holds a solution, and whose value may move.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Held {
+    /// The bound that a variable is at.
+    Variable(usize),
+    /// The bound that a constraint is at.
+    Constraint(usize),
+}
+
+/// Why a point has no derivatives.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum NoDerivative {
+    /// The program or the point is none.
+    #[error(transparent)]
+    Solver(#[from] SolverError),
+    /// A function has no value there, or failed.
+    #[error(transparent)]
+    Evaluation(#[from] EvaluationError),
+    /// The program offers no exact Hessian.
+    #[error(
+        "derivatives of a solution need the exact Hessian of the Lagrangian, which the program does not offer"
+    )]
+    NoHessian,
+    /// The conditions of a minimum do not hold.
+    #[error(
+        "the point is no solution of the program: its KKT residual is {residual:.1e}, allowed is {SOLVED:e}"
+    )]
+    NotSolved {
+        /// The largest one.
+        residual: f64,
+    },
+    /// The second-order condition does not hold.
+    #[error(
+        "the solution is no isolated minimum: the Hessian of the Lagrangian is not positive definite along the active constraints"
+    )]
+    NotIsolated,
+    /// A value that holds nothing.
+    #[error("{0:?} is at no bound, so that moving one changes nothing")]
+    NotHeld(Held),
+    /// The active constraints contradict each other in first order.
+    #[error("the active constraints depend on each other there, so that {0:?} cannot move")]
+    Dependent(Held),
+}
+
+/// How a solution moves with one of the values that hold it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Derivative {
+    /// Of the cost.
+    pub cost: f64,
+    /// Of the variables.
+    pub z: Vec<f64>,
+    /// Of the multipliers of the constraints.
+    pub constraint_multipliers: Vec<f64>,
+}
+
+/// A solution, ready to be differentiated.
+pub struct Sensitivity {
+    kkt: Kkt,
+    active: Vec<Activity>,
+    /// ∇f + Jᵀ y.
+    slope: Vec<f64>,
+    multipliers: Vec<f64>,
+    weak: Vec<Held>,
+    /// Largest entry of the point, at least 1.
+    size: f64,
+    targets: Vec<f64>,
+    linear: Vec<f64>,
+}
+
+impl Sensitivity {
+    /// At a solution with its multipliers: one factorisation.
+    pub fn try_new(nlp: &mut dyn Nlp, solution: &Report) -> Result<Self, NoDerivative> {
+        let mut program = Program::new(nlp)?;
+        if program.curvature() != Curvature::Exact {
+            return Err(NoDerivative::NoHessian);
+        }
+        let (n, m) = (program.n_variables(), program.n_constraints());
+        let Report { z, constraint_multipliers: y, bound_multipliers, .. } = solution;
+        check_vector("bound_multipliers", bound_multipliers, n)?;
+        check_vector("constraint_multipliers", y, m)?;
+        let mut point = program.start(&Start::from(z.as_slice()))?;
+        program.evaluate(&mut point)?;
+        program.differentiate(&mut point)?;
+        let mut slope = point.gradient.clone();
+        program.structure.jacobian.add_transposed_product(&point.jacobian, y, &mut slope);
+        let Bounds { lower, upper } = &program.structure.variables;
+        // what holds a fixed variable is what stationarity lacks there
+        let held: Vec<f64> =
+            (0..n).map(|i| if lower[i] == upper[i] { -slope[i] } else { bound_multipliers[i] }).collect();
+        let residual =
+            program.residuals_of(&point, y, &held, max_norm(&point.gradient), &mut vec![0.0; n]).max();
+        // a NaN is not below
+        if !(residual <= SOLVED) {
+            return Err(NoDerivative::NotSolved { residual });
+        }
+        let mut hessian = vec![0.0; program.structure.hessian.n_entries()];
+        program.hessian(z, 1.0, y, &mut hessian)?;
+        let (active, weak) = activities(&program, &point, &held, y);
+        let mut kkt = Kkt::try_new(&program.structure.hessian, &program.structure.jacobian)?;
+        let margin = FLAT * max_norm(&hessian);
+        if !(kkt.factor(&hessian, -margin, &point.jacobian, &active)
+            && kkt.factor(&hessian, 0.0, &point.jacobian, &active))
+        {
+            return Err(NoDerivative::NotIsolated);
+        }
+        let (targets, linear) = (vec![0.0; n + m], vec![0.0; n]);
+        let size = max_norm(z).max(1.0);
+        Ok(Self { kkt, active, slope, multipliers: y.clone(), weak, size, targets, linear })
+    }
+
+    /// Bounds that hold by a multiplier near zero, or nearly hold: derivatives are those of one side there.
+    pub fn weakly_active(&self) -> &[Held] {
+        &self.weak
+    }
+
+    /// How the solution moves with a value that holds it: one solve with the factors.
+    pub fn derivative(&mut self, held: Held) -> Result<Derivative, NoDerivative> {
+        let n = self.linear.len();
+        let (row, cost) = match held {
+            Held::Variable(i) => (i, self.slope.get(i).copied()),
+            Held::Constraint(i) => (n + i, self.multipliers.get(i).map(|y| -y)),
+        };
+        let Some(cost) = cost.filter(|_| self.active[row] != Activity::Free) else {
+            return Err(NoDerivative::NotHeld(held));
+        };
+        let (mut z, mut y) = (vec![0.0; n], vec![0.0; self.active.len()]);
+        self.targets[row] = 1.0;
+        let done = self.kkt.solve(&self.linear, &self.targets, &mut z, &mut y);
+        self.targets[row] = 0.0;
+        if !done || max_norm(&z) > STEEPEST * self.size {
+            return Err(NoDerivative::Dependent(held));
+        }
+        Ok(Derivative { cost, z, constraint_multipliers: y.split_off(n) })
+    }
+}
+
+/// Which bounds hold variables and constraints, and where that is open.
+fn activities(program: &Program<'_>, point: &Point, held: &[f64], y: &[f64]) -> (Vec<Activity>, Vec<Held>) {
+    let (mut active, mut weak) = (Vec::new(), Vec::new());
+    let structure = &program.structure;
+    let of_variables = (0..point.z.len()).map(Held::Variable);
+    let of_constraints = (0..y.len()).map(Held::Constraint);
+    let size = held.iter().chain(y).fold(1e-300, |a: f64, b| a.max(b.abs()));
+    for place in of_variables.chain(of_constraints) {
+        let (lower, upper, value, multiplier) = match place {
+            Held::Variable(i) => {
+                (structure.variables.lower[i], structure.variables.upper[i], point.z[i], held[i])
+            }
+            Held::Constraint(i) => {
+                (structure.constraints.lower[i], structure.constraints.upper[i], point.constraints[i], y[i])
+            }
+        };
+        let activity = if lower == upper {
+            Activity::Equal
+        } else {
+            let (side, distance) = if multiplier > 0.0 || (multiplier == 0.0 && upper - value < value - lower)
+            {
+                (Activity::Upper, upper - value)
+            } else {
+                (Activity::Lower, value - lower)
+            };
+            if distance.abs() <= WEAK * value.abs().max(1.0) && multiplier.abs() <= WEAK * size {
+                weak.push(place);
+            }
+            if multiplier.abs() > distance { side } else { Activity::Free }
+        };
+        active.push(activity);
+    }
+    (active, weak)
+}
