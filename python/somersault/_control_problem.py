@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 import inspect
 import keyword
@@ -15,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from somersault import expr
 from somersault._somersault import ocp as _extension
 from somersault._somersault.multibody import Model
-from somersault._somersault.ocp import CollocationResult
+from somersault._somersault.ocp import CollocationResult, SolutionSensitivity
 from somersault.errors import InputError
 
 __all__ = ["ControlProblem"]
@@ -159,35 +160,110 @@ class ControlProblem:
         self._initial = names.states_of("initial", initial)
         self._final = names.states_of("final", final)
         given = None if isinstance(dynamics, Model) else dynamics
-        functions = names.functions(given, (running_cost, end_cost), at_path, at_ends, of_integrals)
-        n = len(of_integrals)
+        self._functions = names.functions(given, (running_cost, end_cost), at_path, at_ends, of_integrals)
+        self._constraints = [
+            [pair for each in entries for pair in each.pairs()]
+            for entries in (at_path, at_ends, of_integrals)
+        ]
+        self._n_integrals = len(of_integrals)
+        self._scales = names.scales(scales, len(of_integrals))
+        self._pose()
+
+    def _pose(self) -> None:
+        """Hands the numbers on, with functions that were traced before."""
+        names, n = self._names, self._n_integrals
         horizon = self._horizon(self._start, self._start)
+        at_path, at_ends, of_integrals = self._constraints
         self._phase = _extension.TracedPhase(
-            functions,
-            tree,
+            self._functions,
+            self._tree,
             [[*names.states, *(f"integral {k}" for k in range(n))], names.controls, names.parameters],
             [
                 [*self._ranges[0], *[_FREE] * n],
                 self._ranges[1],
                 self._ranges[2],
                 [*self._initial, *[(0.0, 0.0)] * n],
-                [*self._final, *(pair for each in of_integrals for pair in each.pairs())],
-                [pair for each in at_path for pair in each.pairs()],
-                [pair for each in at_ends for pair in each.pairs()],
+                [*self._final, *of_integrals],
+                at_path,
+                at_ends,
             ],
-            names.scales(scales, n),
+            self._scales,
             horizon,
         )
         self._posed = _extension.TracedProblem([self._phase], [horizon], None)
-        self._n_integrals = n
+
+    def replace(
+        self,
+        *,
+        initial: _Entries = None,
+        final: _Entries = None,
+        duration: float | tuple[float, float] | None = None,
+        start_time: float | None = None,
+        bounds: Mapping[str, _Range] | None = None,
+    ) -> ControlProblem:
+        """The problem with other numbers and the same functions, which are not traced again.
+
+        Parameters
+        ----------
+        initial, final : dict or sequence, optional
+            Entries by name take the place of those of the problem; others stay.
+        duration : float or tuple of float, optional
+        start_time : float, optional
+        bounds : dict, optional
+            Bounds by name, as `initial`. A parameter is given where both are the same number.
+
+        Returns
+        -------
+        ControlProblem
+
+        Examples
+        --------
+        A control loop: solve, apply the control for a tenth of a second, measure, solve again from there.
+
+        >>> from somersault import ocp
+        >>> problem = ocp.ControlProblem(
+        ...     lambda x, u: [x.v, u.force], states=("x", "v"), controls=("force",),
+        ...     initial=[1, 0], duration=2, bounds={"force": (-3, 3)},
+        ...     running_cost=lambda x, u: 0.5 * (x.x**2 + x.v**2 + 0.1 * u.force**2))
+        >>> found = problem.solve()
+        >>> for _ in range(20):
+        ...     measured = found.state(0.1)
+        ...     found = problem.replace(initial=measured).solve(found)
+        >>> found.success, round(float(measured[0]), 3)
+        (True, 0.206)
+        """
+        other = copy.copy(self)
+        names = self._names
+        if initial is not None:
+            other._initial = names.states_of("initial", initial, self._initial)
+        if final is not None:
+            other._final = names.states_of("final", final, self._final)
+        if duration is not None:
+            other._duration = _positive("duration", _range("duration", duration))
+        if start_time is not None:
+            other._start = _number("start_time", start_time)
+        if bounds is not None:
+            other._ranges = names.ranges("bounds", bounds, self._ranges)
+        all_names = [*names.states, *names.controls, *names.parameters]
+        ranges = [pair for part in other._ranges for pair in part]
+        other._given = {
+            **self._given,
+            "initial": other._initial,
+            "final": other._final,
+            "duration": other._duration,
+            "start_time": other._start,
+            "bounds": dict(zip(all_names, ranges, strict=True)),
+        }
+        other._pose()
+        return other
 
     def solve(
         self,
         guess: _Guess | None = None,
         *,
         tol: float = 1e-6,
-        n_intervals: int = 20,
-        n_points: int = 3,
+        n_intervals: int | None = None,
+        n_points: int | None = None,
         max_meshes: int = 20,
         max_iterations: int | None = None,
         max_time: float | None = None,
@@ -202,14 +278,15 @@ class ControlProblem:
         Parameters
         ----------
         guess : CollocationResult or dict, optional
-            An earlier result; or values by name of states, controls and parameters: a number that is
+            An earlier result, from whose mesh and multipliers the search starts unless sizes of a mesh are
+            given; or values by name of states, controls and parameters: a number that is
             constant, or values at the times ``"t"``, at equal distances unless these are given; tables
             ``"x"`` and ``"u"`` have a column for each state and control. What is not named is on a straight
             line between the ends, controls at what is nearest to zero.
         tol : float, optional
             Relative error that each interval of the mesh may have.
         n_intervals, n_points : int, optional
-            Intervals of the first mesh, and collocation points of each.
+            Intervals of the first mesh, and collocation points of each: 20 and 3 unless given.
         max_meshes : int, optional
         max_iterations : int, optional
             Of the solver, on each mesh.
@@ -241,11 +318,54 @@ class ControlProblem:
         >>> found.status, round(found.cost, 4)  # 3 − √5
         ('converged', 0.7639)
         """
-        starts = [] if guess is None else [self._start_of("guess", guess)]
+        start: Any = guess
+        if not isinstance(guess, CollocationResult):
+            start = [] if guess is None else [self._start_of("guess", guess)]
         found = self._posed.solve(
-            starts, tol, n_intervals, n_points, max_meshes, max_iterations, max_time, callback, on_interrupt
+            start, tol, n_intervals, n_points, max_meshes, max_iterations, max_time, callback, on_interrupt
         )
         return cast("CollocationResult", found)
+
+    def sensitivity(self, found: CollocationResult) -> SolutionSensitivity:
+        """Derivatives of a solution with respect to what the problem gives.
+
+        Ends of states that are a number, the start time, the duration, and parameters whose bounds are equal
+        are given. The conditions of the optimum are differentiated (Fiacco 1983): one factorisation, and one
+        solve for each of them.
+
+        Parameters
+        ----------
+        found : CollocationResult
+            The result of this problem, whose last program converged.
+
+        Returns
+        -------
+        SolutionSensitivity
+
+        Raises
+        ------
+        somersault.errors.InputError
+            If `found` is no solution of the problem.
+        somersault.errors.SensitivityError
+            If it is no isolated minimum, or its constraints depend on each other.
+
+        Examples
+        --------
+        A mass moved over a metre in a second, with minimum effort 6 m²: dJ/dm = 12 m, dJ/dT = −18 m².
+
+        >>> from somersault import ocp
+        >>> problem = ocp.ControlProblem(
+        ...     lambda x, u, t, p: [x.v, u.force / p.mass], states=("x", "v"), controls=("force",),
+        ...     parameters=("mass",), initial=[0, 0], final=[1, 0], bounds={"mass": (2, 2)},
+        ...     running_cost=lambda x, u: 0.5 * u.force**2)
+        >>> by = problem.sensitivity(problem.solve())
+        >>> slopes = dict(zip(by.names, by.cost.round(4).tolist()))
+        >>> slopes["mass"], slopes["duration"]
+        (24.0, -72.0)
+        """
+        if not isinstance(found, CollocationResult):
+            raise TypeError(f"`found` must be a CollocationResult, found {_article(type(found).__name__)}")
+        return self._posed.sensitivity(found)
 
     @property
     def model(self) -> Model | None:
@@ -353,17 +473,29 @@ class _Names:
                     f" found {name!r}{'' if name == 't' else ' twice'}"
                 )
 
-    def ranges(self, argument: str, entries: Mapping[str, _Range] | None) -> list[list[tuple[float, float]]]:
-        """Bounds of states, controls and parameters by name."""
+    def ranges(
+        self,
+        argument: str,
+        entries: Mapping[str, _Range] | None,
+        known: list[list[tuple[float, float]]] | None = None,
+    ) -> list[list[tuple[float, float]]]:
+        """Bounds of states, controls and parameters by name; others are free, or as known."""
         parts = [self.states, self.controls, self.parameters]
         found = _by_name(argument, [name for part in parts for name in part], entries)
-        return [[found.get(name, _FREE) for name in part] for part in parts]
+        known = known or [[_FREE] * len(part) for part in parts]
+        return [
+            [found.get(name, pair) for name, pair in zip(part, pairs, strict=True)]
+            for part, pairs in zip(parts, known, strict=True)
+        ]
 
-    def states_of(self, argument: str, entries: _Entries) -> list[tuple[float, float]]:
-        """What each state may be at an end."""
+    def states_of(
+        self, argument: str, entries: _Entries, known: list[tuple[float, float]] | None = None
+    ) -> list[tuple[float, float]]:
+        """What each state may be at an end; those that are not named are free, or as known."""
         if entries is None or isinstance(entries, Mapping):
             found = _by_name(argument, self.states, entries)
-            return [found.get(name, _FREE) for name in self.states]
+            known = known or [_FREE] * len(self.states)
+            return [found.get(name, pair) for name, pair in zip(self.states, known, strict=True)]
         if isinstance(entries, str) or not isinstance(entries, Iterable):
             raise InputError(
                 f"`{argument}` must be values by name or in order, found {_article(type(entries).__name__)}"

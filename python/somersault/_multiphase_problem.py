@@ -90,8 +90,8 @@ class MultiphaseProblem:
         guess: MultiphaseResult | Sequence[_Guess] | None = None,
         *,
         tol: float = 1e-6,
-        n_intervals: int = 20,
-        n_points: int = 3,
+        n_intervals: int | None = None,
+        n_points: int | None = None,
         max_meshes: int = 20,
         max_iterations: int | None = None,
         max_time: float | None = None,
@@ -140,10 +140,12 @@ class MultiphaseProblem:
         )
         return cast("MultiphaseResult", found)
 
-    def _starts(self, guess: MultiphaseResult | Sequence[_Guess] | None) -> list[Any]:
+    def _starts(self, guess: MultiphaseResult | Sequence[_Guess] | None) -> Any:
         """A guess for each phase; those by names are moved to where the one before ends."""
         if guess is None:
             return []
+        if isinstance(guess, MultiphaseResult) and len(guess.phases) == len(self._phases):
+            return guess
         if isinstance(guess, MultiphaseResult):
             given: list[Any] = list(guess.phases)
         elif isinstance(guess, str | Mapping) or not isinstance(guess, Iterable):

@@ -2,10 +2,10 @@
 
 use somersault_core::Scalar;
 use somersault_core::cancel::CancellationToken;
-use somersault_nlp::{Flow, Sqp};
+use somersault_nlp::{Flow, NoDerivative, Sqp};
 use somersault_ocp::collocation::{
-    Collocation, CollocationReport, CollocationStatus, Dynamics, End, Interval, Mesh, Phase, Place, Point,
-    Problem, Quantity, Terms,
+    Collocation, CollocationError, CollocationReport, CollocationStatus, Dynamics, End, Interval, Mesh,
+    Phase, Place, Point, Problem, Quantity, Terms,
 };
 
 /// ẍ = u/p where `stiffness` is zero, else ẍ = −x + p ẋ (1 − x²) + u; ½ ∫ u² + `stiffness` (x² + ẋ²) dt.
@@ -199,4 +199,45 @@ fn a_like_problem_is_solved_again_in_few_steps() {
     let refused =
         collocation.solve_again(&mut moved, &other, &mut |_| Flow::Continue, &CancellationToken::new());
     assert!(refused.err().unwrap().to_string().contains("`meshes` must have 1 entries, found 2"));
+}
+
+#[test]
+fn the_cost_changes_with_the_start_by_the_costates_and_with_the_end_by_the_hamiltonian() {
+    let mut compared = 0;
+    for known in crate::known::ALL.iter().filter(|known| !known.name.contains("Goddard")) {
+        let mut problem = known.problem();
+        let found =
+            Collocation::default().solve(&mut problem, &[known.mesh()], &mut |_| Flow::Continue).unwrap();
+        let phase = &found.phases[0];
+        let mut sensitivity = match found.sensitivity(&mut problem) {
+            Ok(sensitivity) => sensitivity,
+            // controls at their bounds but for an interval with a switch, or boundary arcs of states
+            Err(CollocationError::NoDerivative(NoDerivative::NotIsolated)) => continue,
+            Err(error) => panic!("{}: {error}", known.name),
+        };
+        for place in sensitivity.given() {
+            let (exact, size) = match (place.quantity, place.end) {
+                (Quantity::State(i), End::Start) => (phase.costates[0][i], phase.costates[0][i].abs()),
+                (Quantity::State(i), End::Finish) => {
+                    let last = phase.costates.len() - 1;
+                    (-phase.costates[last][i], phase.costates[last][i].abs())
+                }
+                (Quantity::Time, End::Finish) => {
+                    let sizes = phase.hamiltonian.iter().map(|h| h.abs());
+                    (phase.hamiltonian[0], sizes.fold(found.cost.abs(), f64::max))
+                }
+                _ => continue,
+            };
+            // dependent constraints have many multipliers
+            let Ok(by) = sensitivity.derivative(&[(place, 1.0)]) else { continue };
+            assert!(
+                (by.cost - exact).abs() < 2e-3 * size.max(1.0),
+                "{}, {place:?}: {} and not {exact}",
+                known.name,
+                by.cost
+            );
+            compared += 1;
+        }
+    }
+    assert!(compared > 40, "{compared}");
 }

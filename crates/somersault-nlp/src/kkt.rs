@@ -36,8 +36,8 @@ pub(crate) enum Activity {
 
 /// ε relative to squared row norm over ‖H‖.
 const DUAL_REGULARISATION: f64 = 1e-8;
-/// δ relative to ‖H‖.
-const PRIMAL_REGULARISATION: f64 = 1e-9;
+/// δ relative to ‖H‖: the first that leaves no pivot zero.
+const PRIMAL_REGULARISATIONS: [f64; 4] = [1e-9, 1e-8, 1e-7, 1e-6];
 
 /// Pivots below this, relative to the largest entry of H, count as zero.
 const SMALLEST_PIVOT: f64 = 1e-13;
@@ -187,13 +187,14 @@ impl Kkt {
                 -1.0
             };
         }
-        if !self.saddle.factor() {
+        let mut added = 0.0;
+        let mut regularisations = PRIMAL_REGULARISATIONS.iter();
+        while !self.saddle.factor() {
+            let Some(regularisation) = regularisations.next() else { return false };
             for i in (0..n).filter(|&i| free(i)) {
-                self.saddle.values[self.saddle.diagonal_at[i]] += PRIMAL_REGULARISATION * size;
+                self.saddle.values[self.saddle.diagonal_at[i]] += regularisation * size - added;
             }
-            if !self.saddle.factor() {
-                return false;
-            }
+            added = regularisation * size;
         }
         if self.saddle.n_positive() != n {
             return false;

@@ -11,9 +11,10 @@
 
 use crate::error::SolverError;
 use crate::kkt::{Activity, Kkt};
-use crate::nlp::{Bounds, Curvature, EvaluationError, Nlp};
+use crate::nlp::{Curvature, EvaluationError, Nlp};
 use crate::program::{Point, Program, check_vector, max_norm};
-use crate::report::{Report, Start};
+use crate::report::Start;
+use somersault_core::random::SplitMix64;
 
 /// KKT residual above which a point is no solution.
 const SOLVED: f64 = 1e-5;
@@ -21,6 +22,7 @@ const SOLVED: f64 = 1e-5;
 const WEAK: f64 = 1e-6;
 /// Curvature along the active constraints, relative to the largest entry of the Hessian, below which a minimum is not isolated.
 const FLAT: f64 = 1e-10;
+const INVERSE_ITERATIONS: usize = 3;
 /// Derivatives beyond this, relative to the point, are those of constraints that depend on each other but for rounding.
 const STEEPEST: f64 = 1e5;
 
@@ -95,27 +97,21 @@ pub struct Sensitivity {
 }
 
 impl Sensitivity {
-    /// At a solution with its multipliers: one factorisation.
-    pub fn try_new(nlp: &mut dyn Nlp, solution: &Report) -> Result<Self, NoDerivative> {
+    /// At a solution with the multipliers of its constraints: one factorisation.
+    pub fn try_new(nlp: &mut dyn Nlp, z: &[f64], y: &[f64]) -> Result<Self, NoDerivative> {
         let mut program = Program::new(nlp)?;
         if program.curvature() != Curvature::Exact {
             return Err(NoDerivative::NoHessian);
         }
         let (n, m) = (program.n_variables(), program.n_constraints());
-        let Report { z, constraint_multipliers: y, bound_multipliers, .. } = solution;
-        check_vector("bound_multipliers", bound_multipliers, n)?;
-        check_vector("constraint_multipliers", y, m)?;
-        let mut point = program.start(&Start::from(z.as_slice()))?;
+        check_vector("y", y, m)?;
+        let mut point = program.start(&Start::from(z))?;
         program.evaluate(&mut point)?;
         program.differentiate(&mut point)?;
         let mut slope = point.gradient.clone();
         program.structure.jacobian.add_transposed_product(&point.jacobian, y, &mut slope);
-        let Bounds { lower, upper } = &program.structure.variables;
-        // what holds a fixed variable is what stationarity lacks there
-        let held: Vec<f64> =
-            (0..n).map(|i| if lower[i] == upper[i] { -slope[i] } else { bound_multipliers[i] }).collect();
-        let residual =
-            program.residuals_of(&point, y, &held, max_norm(&point.gradient), &mut vec![0.0; n]).max();
+        let mut held = vec![0.0; n];
+        let residual = program.residuals(&point, y, max_norm(&point.gradient), &mut held).max();
         // a NaN is not below
         if !(residual <= SOLVED) {
             return Err(NoDerivative::NotSolved { residual });
@@ -124,15 +120,14 @@ impl Sensitivity {
         program.hessian(z, 1.0, y, &mut hessian)?;
         let (active, weak) = activities(&program, &point, &held, y);
         let mut kkt = Kkt::try_new(&program.structure.hessian, &program.structure.jacobian)?;
-        let margin = FLAT * max_norm(&hessian);
-        if !(kkt.factor(&hessian, -margin, &point.jacobian, &active)
-            && kkt.factor(&hessian, 0.0, &point.jacobian, &active))
+        if !kkt.factor(&hessian, 0.0, &point.jacobian, &active)
+            || is_flat(&mut kkt, n, n + m, FLAT * max_norm(&hessian))
         {
             return Err(NoDerivative::NotIsolated);
         }
         let (targets, linear) = (vec![0.0; n + m], vec![0.0; n]);
         let size = max_norm(z).max(1.0);
-        Ok(Self { kkt, active, slope, multipliers: y.clone(), weak, size, targets, linear })
+        Ok(Self { kkt, active, slope, multipliers: y.to_vec(), weak, size, targets, linear })
     }
 
     /// Bounds that hold by a multiplier near zero, or nearly hold: derivatives are those of one side there.
@@ -159,6 +154,31 @@ impl Sensitivity {
         }
         Ok(Derivative { cost, z, constraint_multipliers: y.split_off(n) })
     }
+}
+
+/// Whether the least curvature along the active constraints, by inverse iteration from a random slope, is below `least`.
+fn is_flat(kkt: &mut Kkt, n: usize, size: usize, least: f64) -> bool {
+    let mut random = SplitMix64::new(0);
+    let mut slope: Vec<f64> = (0..n).map(|_| random.unit() - 0.5).collect();
+    let targets = vec![0.0; size];
+    for _ in 0..INVERSE_ITERATIONS {
+        let (mut p, mut y) = (vec![0.0; n], vec![0.0; size]);
+        if !kkt.solve(&slope, &targets, &mut p, &mut y) {
+            return true;
+        }
+        let [along, squared] = [&slope, &p].map(|x| x.iter().zip(&p).map(|(a, b)| a * b).sum::<f64>());
+        if squared == 0.0 {
+            // nothing is free
+            return false;
+        }
+        // pᵀ H p = −qᵀ p
+        if -along <= least * squared {
+            return true;
+        }
+        let length = squared.sqrt();
+        slope.iter_mut().zip(&p).for_each(|(q, p)| *q = p / length);
+    }
+    false
 }
 
 /// Which bounds hold variables and constraints, and where that is open.

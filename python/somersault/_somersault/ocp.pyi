@@ -25,6 +25,7 @@ __all__ = [
     "Phase",
     "Report",
     "SearchResult",
+    "SolutionSensitivity",
     "SplineMotion",
     "SwingUpVerification",
     "Term",
@@ -625,16 +626,37 @@ class TracedProblem:
     ) -> TracedProblem: ...
     def solve(
         self,
-        guesses: list[Any],
+        start: CollocationOutcome | list[Any],
         tol: float,
-        n_intervals: int,
-        n_points: int,
+        n_intervals: int | None,
+        n_points: int | None,
         max_meshes: int,
         max_iterations: int | None,
         max_time: float | None,
         callback: Callable[[int, _Floats, float, float], object] | None,
         on_interrupt: Literal["raise", "return"],
     ) -> CollocationOutcome: ...
+    def sensitivity(self, solution: CollocationResult) -> SolutionSensitivity: ...
+
+@final
+class SolutionSensitivity:
+    @property
+    def names(self) -> list[str]: ...
+    @property
+    def n_weakly_active(self) -> int: ...
+    @property
+    def cost(self) -> _Floats: ...
+    @property
+    def x(self) -> _Floats: ...
+    @property
+    def u(self) -> _Floats: ...
+    @property
+    def costates(self) -> _Floats: ...
+    @property
+    def parameters(self) -> _Floats: ...
+    @property
+    def horizon(self) -> _Floats: ...
+    def predict(self, changes: dict[str, float]) -> dict[str, Any]: ...
 
 @final
 class MultiphaseResult(CollocationOutcome):

@@ -1,7 +1,7 @@
 //! Derivatives of solutions against closed forms and differences of solves.
 
 use crate::hock_schittkowski::all;
-use crate::problems::{FREE, INF, Problem, ZERO};
+use crate::problems::{Differentiated, FREE, INF, Problem, ZERO};
 use num_dual::DualNum;
 use somersault_nlp::{Held, NlpSolver, NoDerivative, Report, Sensitivity, Sqp, Start, Status};
 
@@ -11,6 +11,10 @@ fn nearest(p: f64) -> Problem {
     Problem::new("nearest point", &[1.0, 1.0, p], &variables, &[(1.0, INF)], 1.0 / (1.0 + p * p), |z| {
         vec![z[0] * z[0] + z[1] * z[1], z[0] + z[1] * z[2]]
     })
+}
+
+fn sensitivity(program: &mut Differentiated, report: &Report) -> Result<Sensitivity, NoDerivative> {
+    Sensitivity::try_new(program, &report.z, &report.constraint_multipliers)
 }
 
 fn solved(problem: &Problem, start: &Start) -> Report {
@@ -24,7 +28,7 @@ fn derivatives_of_the_nearest_point_are_its_closed_form() {
     let report = solved(&problem, &problem.start.as_slice().into());
     assert_eq!(report.status, Status::Converged);
     let mut program = problem.program();
-    let mut sensitivity = Sensitivity::try_new(&mut program, &report).unwrap();
+    let mut sensitivity = sensitivity(&mut program, &report).unwrap();
     assert!(sensitivity.weakly_active().is_empty());
     let by_slope = sensitivity.derivative(Held::Variable(2)).unwrap();
     for (found, exact) in by_slope.z.iter().zip([-0.16, -0.12, 1.0]) {
@@ -58,7 +62,7 @@ fn derivatives_of_published_problems_are_differences_of_their_solutions() {
     for problem in all() {
         let report = solved(&problem, &problem.start.as_slice().into());
         let mut program = problem.program();
-        let Ok(mut sensitivity) = Sensitivity::try_new(&mut program, &report) else { continue };
+        let Ok(mut sensitivity) = sensitivity(&mut program, &report) else { continue };
         if !sensitivity.weakly_active().is_empty() {
             continue;
         }
@@ -111,18 +115,18 @@ fn points_without_derivatives_are_named() {
     let mut report = solved(&problem, &problem.start.as_slice().into());
     report.z[0] += 0.1;
     assert!(matches!(
-        Sensitivity::try_new(&mut problem.program(), &report),
+        sensitivity(&mut problem.program(), &report),
         Err(NoDerivative::NotSolved { residual }) if residual > 1e-3
     ));
     // every point of a line is a minimum
     let valley =
         Problem::new("valley", &[1.0, 1.0], &[], &[ZERO], 0.0, |z| vec![(z[0] + z[1]).powi(2), z[0] + z[1]]);
     let report = solved(&valley, &valley.start.as_slice().into());
-    assert!(matches!(Sensitivity::try_new(&mut valley.program(), &report), Err(NoDerivative::NotIsolated)));
+    assert!(matches!(sensitivity(&mut valley.program(), &report), Err(NoDerivative::NotIsolated)));
     // a bound at the free minimum holds by a multiplier of zero
     let touching = Problem::new("touch", &[0.5], &[(0.0, INF)], &[], 0.0, |z| vec![z[0] * z[0]]);
     let report = solved(&touching, &touching.start.as_slice().into());
     let mut program = touching.program();
-    let sensitivity = Sensitivity::try_new(&mut program, &report).unwrap();
+    let sensitivity = sensitivity(&mut program, &report).unwrap();
     assert_eq!(sensitivity.weakly_active(), [Held::Variable(0)]);
 }

@@ -8,7 +8,7 @@ use super::mesh::Mesh;
 use super::problem::Problem;
 use super::solve::CollocationReport;
 use super::transcription::Transcription;
-use somersault_nlp::{Held, Report, Sensitivity};
+use somersault_nlp::{Held, Sensitivity, Start};
 
 /// A solution on its mesh, ready to be differentiated with respect to what is given: [`somersault_nlp::Sensitivity`] of its program.
 ///
@@ -51,21 +51,11 @@ impl CollocationReport {
         problem: &'p mut Problem,
     ) -> Result<SolutionSensitivity<'p>, CollocationError> {
         let meshes: Vec<Mesh> = self.phases.iter().map(|phase| phase.mesh().clone()).collect();
-        let mut solved = Transcription::try_new(problem, &meshes)?;
-        let free = solved.variables.free.clone();
-        expect_length(None, "solution", self.program.z.len(), free.len())?;
-        solved.variables.assign(&self.program.z);
-        let values = std::mem::take(&mut solved.variables.values);
-        drop(solved);
         let mut transcription = Transcription::with_fixed(problem, &meshes)?;
-        let z = values.iter().zip(&transcription.variables.scales).map(|(value, scale)| value / scale);
-        let z: Vec<f64> = z.collect();
-        let mut bound_multipliers = vec![0.0; z.len()];
-        for (&i, multiplier) in free.iter().zip(&self.program.bound_multipliers) {
-            bound_multipliers[i] = *multiplier;
-        }
-        let solution = Report { z, bound_multipliers, ..self.program.clone() };
-        let sensitivity = Sensitivity::try_new(&mut transcription, &solution)?;
+        let Start { z, constraint_multipliers, .. } = transcription.repeated(self)?;
+        let (found, expected) = (constraint_multipliers.len(), transcription.row_scales.len());
+        expect_length(None, "multipliers of the solution", found, expected)?;
+        let sensitivity = Sensitivity::try_new(&mut transcription, &z, &constraint_multipliers)?;
         Ok(SolutionSensitivity { transcription, sensitivity })
     }
 }

@@ -385,30 +385,40 @@ impl Transcription<'_> {
         if program.constraint_multipliers.len() != self.row_scales.len() {
             return Ok(self.start(&guesses).into());
         }
-        let start = self.continued(&from.phases, &self.rest(&program.constraint_multipliers));
-        let is_alike = program.bound_multipliers.len() == start.z.len();
-        let bound_multipliers = if is_alike { program.bound_multipliers.clone() } else { Vec::new() };
-        Ok(Start { bound_multipliers, ..start })
+        Ok(self.continued(&from.phases, &self.rest(&program.constraint_multipliers)))
     }
 
-    /// Decision vector and multipliers that continue from solutions on another mesh; `rest` are the multipliers of
+    /// Decision vector and multipliers that continue from solutions, on another mesh or the same; `rest` are the multipliers of
     /// what does not depend on the mesh, the end constraints of each phase and the linkages.
     pub(super) fn continued(&mut self, from: &[PhaseSolution], rest: &RestMultipliers) -> Start {
         let mut multipliers = Vec::with_capacity(self.row_scales.len());
         for (k, solution) in from.iter().enumerate() {
             let (layout, n) = (self.variables.phases[k], self.grids[k].n_points());
             let mut path = Vec::new();
+            let is_same = solution.grid.mesh == self.grids[k].mesh;
             for number in 0..self.grids[k].intervals.len() {
                 let interval = self.grids[k].intervals[number].clone();
                 for i in interval.points() {
-                    let t = solution.time(self.grids[k].fractions[i]);
-                    self.set(layout.state(i), &solution.state(t));
-                    self.set(layout.control(i), &solution.control(t));
+                    let row = if is_same {
+                        let PhaseRows { states, controls, costates, path_multipliers, .. } = &solution.rows;
+                        [&states[i], &controls[i], &costates[i], &path_multipliers[i]].map(Clone::clone)
+                    } else {
+                        let t = solution.time(self.grids[k].fractions[i]);
+                        [
+                            solution.state(t),
+                            solution.control(t),
+                            solution.costate(t),
+                            solution.path_multiplier(t),
+                        ]
+                    };
+                    let [state, control, costate, path_multiplier] = row;
+                    self.set(layout.state(i), &state);
+                    self.set(layout.control(i), &control);
                     let weight = interval.weight(i);
                     let scales = &self.problem.phases[k].scales.state;
-                    multipliers.extend(solution.costate(t).iter().zip(scales).map(|(l, s)| -weight * l * s));
+                    multipliers.extend(costate.iter().zip(scales).map(|(l, s)| -weight * l * s));
                     let measure = 0.5 * (solution.horizon.1 - solution.horizon.0) * interval.length * weight;
-                    path.extend(solution.path_multiplier(t).iter().map(|m| m * measure));
+                    path.extend(path_multiplier.iter().map(|m| m * measure));
                 }
             }
             self.set(layout.state(n), &solution.states[solution.states.len() - 1]);

@@ -32,7 +32,7 @@ use somersault::multibody::mjcf::MjcfError;
 use somersault::multibody::models::PostureError;
 use somersault::multibody::urdf::UrdfError;
 use somersault::multibody::{DynamicsError, ModelError};
-use somersault::nlp::SolverError;
+use somersault::nlp::{NoDerivative, SolverError};
 use somersault::ocp::OcpError;
 use somersault::ocp::collocation::CollocationError;
 
@@ -347,6 +347,9 @@ impl From<CollocationError> for Error {
         match error {
             CollocationError::Solver(error) => error.into(),
             CollocationError::Evaluation(error) => Self::own(Class::Evaluation, &error),
+            CollocationError::NoDerivative(
+                error @ (NoDerivative::NotIsolated | NoDerivative::Dependent { .. }),
+            ) => Self::own(Class::Sensitivity, &error),
             error => Self::own(Class::Input, &error),
         }
     }

@@ -6,12 +6,14 @@ mod outcome;
 mod phase;
 mod result;
 mod search;
+mod sensitivity;
 mod traced;
 
 pub(crate) use multiphase_result::MultiphaseResult;
 pub(crate) use outcome::CollocationOutcome;
 pub(crate) use phase::TracedPhase;
 pub(crate) use result::CollocationResult;
+pub(crate) use sensitivity::SolutionSensitivity;
 pub(crate) use traced::TracedProblem;
 
 /// Names that the library has for arguments of Python.

@@ -34,6 +34,18 @@ pub(super) struct Subject {
     pub(super) parameters: Vec<String>,
 }
 
+impl Subject {
+    /// Whether state `i` is an integral, which follow the states of the problem.
+    pub(super) fn is_integral(&self, i: usize) -> bool {
+        self.states[i].starts_with("integral ")
+    }
+
+    /// States without integrals.
+    pub(super) fn n_own_states(&self) -> usize {
+        (0..self.states.len()).filter(|&i| !self.is_integral(i)).count()
+    }
+}
+
 fn table<'py>(py: Python<'py>, rows: &[Vec<f64>]) -> PyResult<Bound<'py, PyAny>> {
     let shape = [rows.len(), rows.first().map_or(0, Vec::len)];
     Ok(array(py, rows.concat(), &shape)?.into_any())

@@ -10,10 +10,14 @@ use pyo3::prelude::*;
 use somersault::core::cancel::CancellationToken;
 use somersault::nlp::{Flow, Iteration, Sqp, Status};
 use somersault::ocp::collocation::{Collocation, CollocationReport, CollocationStatus, Mesh, Problem};
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Collocation points of a first mesh, at most.
 const MOST_POINTS: usize = 100_000;
+
+/// Intervals of a first mesh, and points of each.
+const DEFAULT_SIZES: (i64, i64) = (20, 3);
 
 /// How long Ctrl-C waits for the iteration under way and its result, on fine meshes without success.
 const PATIENCE: Duration = Duration::from_millis(400);
@@ -21,8 +25,10 @@ const PATIENCE: Duration = Duration::from_millis(400);
 /// How a search is to go.
 pub(super) struct SearchOptions<'a, 'py> {
     pub(super) tol: f64,
-    /// Intervals of the first mesh of each phase, and points of each.
-    pub(super) sizes: (i64, i64),
+    /// Intervals of the first mesh of each phase, and points of each. Those of a solution to start from unless given.
+    pub(super) sizes: [Option<i64>; 2],
+    /// Where the search starts, if it is no guess.
+    pub(super) solution: Option<Arc<CollocationReport>>,
     pub(super) max_meshes: i64,
     pub(super) max_iterations: Option<i64>,
     pub(super) max_time: Option<f64>,
@@ -43,8 +49,12 @@ impl SearchOptions<'_, '_> {
         let default = Collocation::default();
         tolerance("tol", Some(self.tol))?;
         let most = limit("max_iterations", self.max_iterations, 0)?;
-        let (n_intervals, n_points) =
-            (count("n_intervals", self.sizes.0, 1)?, count("n_points", self.sizes.1, 1)?);
+        let [n_intervals, n_points] = self.sizes;
+        let again = self.solution.filter(|_| n_intervals.is_none() && n_points.is_none());
+        let (n_intervals, n_points) = (
+            count("n_intervals", n_intervals.unwrap_or(DEFAULT_SIZES.0), 1)?,
+            count("n_points", n_points.unwrap_or(DEFAULT_SIZES.1), 1)?,
+        );
         let collocation = Collocation {
             tolerance: self.tol,
             max_meshes: count("max_meshes", self.max_meshes, 1)?,
@@ -66,7 +76,10 @@ impl SearchOptions<'_, '_> {
             let mut look = |iteration: &Iteration<'_>| -> Flow {
                 if token.is_cancelled() { Flow::Stop } else { watcher.look(iteration) }
             };
-            let found = collocation.solve_cancellable(&mut problem, &meshes, &mut look, token);
+            let found = match again {
+                Some(solution) => collocation.solve_again(&mut problem, &solution, &mut look, token),
+                None => collocation.solve_cancellable(&mut problem, &meshes, &mut look, token),
+            };
             (found, watcher)
         };
         let ((found, mut watcher), raised) = attend_or_leave(py, PATIENCE, search)?;

@@ -3,11 +3,12 @@
 use super::phase::{TracedPhase, named};
 use super::result::Subject;
 use super::search::SearchOptions;
-use super::{CollocationOutcome, CollocationResult, MultiphaseResult};
+use super::{CollocationOutcome, CollocationResult, MultiphaseResult, SolutionSensitivity};
 use crate::core::convert::{integer, integer_or_none};
 use crate::core::error::Error;
+use crate::core::waiting::leave_on_signal;
 use pyo3::prelude::*;
-use somersault::ocp::collocation::{End, Guess, Interval, Linkage, Place, Problem, Quantity};
+use somersault::ocp::collocation::{End, Guess, Interval, Linkage, PhaseSolution, Place, Problem, Quantity};
 
 /// What `ControlProblem` and `MultiphaseProblem` pose, once functions are traced.
 #[pyclass(frozen, module = "somersault.ocp")]
@@ -16,6 +17,13 @@ pub(crate) struct TracedProblem {
     horizons: Vec<[Interval; 2]>,
     /// None for a problem of one phase, whose result is that of the phase.
     linkages: Option<Vec<Linkage>>,
+}
+
+/// Where a search starts.
+#[derive(FromPyObject)]
+enum Origin<'py> {
+    Solution(Bound<'py, CollocationOutcome>),
+    Guesses(Vec<Given<'py>>),
 }
 
 /// Where a search starts, in one phase.
@@ -97,27 +105,43 @@ impl TracedProblem {
         Ok(posed)
     }
 
-    /// As `ControlProblem.solve` and `MultiphaseProblem.solve`, with guesses by times, states, controls and parameters.
+    /// As `ControlProblem.solve` and `MultiphaseProblem.solve`, from a result, or from guesses by times, states, controls and
+    /// parameters.
     #[pyo3(signature = (
-        guesses, tol, n_intervals, n_points, max_meshes, max_iterations, max_time, callback, on_interrupt
+        start, tol, n_intervals, n_points, max_meshes, max_iterations, max_time, callback, on_interrupt
     ))]
     fn solve(
         &self,
         py: Python<'_>,
-        guesses: Vec<Given<'_>>,
+        start: Origin<'_>,
         tol: f64,
-        #[pyo3(from_py_with = integer)] n_intervals: i64,
-        #[pyo3(from_py_with = integer)] n_points: i64,
+        #[pyo3(from_py_with = integer_or_none)] n_intervals: Option<i64>,
+        #[pyo3(from_py_with = integer_or_none)] n_points: Option<i64>,
         #[pyo3(from_py_with = integer)] max_meshes: i64,
         #[pyo3(from_py_with = integer_or_none)] max_iterations: Option<i64>,
         max_time: Option<f64>,
         callback: Option<&Bound<'_, PyAny>>,
         on_interrupt: &str,
     ) -> Result<Py<CollocationOutcome>, Error> {
-        let sizes = (n_intervals, n_points);
-        let options =
-            SearchOptions { tol, sizes, max_meshes, max_iterations, max_time, callback, on_interrupt };
-        let problem = || self.problem(guesses.into_iter().map(guess_of).collect());
+        let sizes = [n_intervals, n_points];
+        let (guesses, solution) = match start {
+            Origin::Guesses(guesses) => (guesses.into_iter().map(guess_of).collect(), None),
+            Origin::Solution(solution) => {
+                let report = &solution.get().report;
+                (report.phases.iter().map(PhaseSolution::to_guess).collect(), Some(report.clone()))
+            }
+        };
+        let options = SearchOptions {
+            tol,
+            sizes,
+            solution,
+            max_meshes,
+            max_iterations,
+            max_time,
+            callback,
+            on_interrupt,
+        };
+        let problem = || self.problem(guesses);
         let subjects = self.subjects();
         let found = |report| match (&self.linkages, subjects.as_slice()) {
             (None, [subject]) => {
@@ -130,5 +154,16 @@ impl TracedProblem {
             }
         };
         options.run(py, subjects.len(), problem, found)
+    }
+
+    /// As `ControlProblem.sensitivity`.
+    fn sensitivity(
+        &self,
+        py: Python<'_>,
+        solution: &Bound<'_, CollocationResult>,
+    ) -> Result<SolutionSensitivity, Error> {
+        let (report, subject) = (solution.get().report.clone(), self.phases[0].get().subject.clone());
+        let mut problem = self.problem(vec![solution.get().phase().to_guess()])?;
+        leave_on_signal(py, move |_| SolutionSensitivity::of(&report, &mut problem, subject))
     }
 }
