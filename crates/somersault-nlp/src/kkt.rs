@@ -250,7 +250,7 @@ impl Kkt {
         for _ in 0..most {
             let error = self.residuals(q, targets, p, y);
             accurate = error <= ACCURACY;
-            if !error.is_finite() || error <= f64::EPSILON || (accurate && error > 0.3 * last) {
+            if error.is_nan() || error <= f64::EPSILON || (accurate && error > 0.3 * last) {
                 break;
             }
             last = error;
