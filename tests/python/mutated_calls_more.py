@@ -279,7 +279,9 @@ phase = TracedPhase(
 )  # fmt: skip
 TracedPhase.of_tree(double.model, ["mass"])
 traced = TracedProblem([phase], [[(0.0, 0.0), (1.0, 1.0)]], None)
-traced.solve([], 1e-3, 4, 3, 2, 20, None, None, "raise")
+traced_result = traced.solve([], 1e-3, 4, 3, 2, 20, None, None, "raise")
+traced.sensitivity(traced_result)
+traced.solve(traced_result, 1e-3, None, None, 2, 20, None, None, "raise")
 TracedProblem(
     [phase, phase], [[(0.0, 0.0), (1.0, 1.0)], [(1.0, 1.0), (2.0, 2.0)]], [(0, 1, "time", 0, 0, (0.0, 0.0))]
 )
@@ -290,6 +292,11 @@ thrown = ocp.ControlProblem(
     path=[(lambda x: x[0], None, 2.0)], ends=[(lambda x_0, x_f: x_f - x_0, 0.0, 2.0)],
     integrals=[(lambda x: x[0], None, 2.0)], scales={"x0": 1.0, "u0": 1.0},
 )  # fmt: skip
+thrown.replace(
+    initial={"x0": 0.1}, final=[0.9], duration=(0.6, 2.0), start_time=0.4, bounds={"u0": (-2.0, 3.0)}
+)
+loop = ocp.ControlProblem(double.model, initial=[0, 0], final=[1, 0], running_cost=lambda x, u: u[0] ** 2)
+loop.sensitivity(loop.solve(tol=1e-3, n_intervals=4)).predict({"final.q_mass": 0.1, "duration": 0.1})
 thrown.solve({"x0": [0.0, 1.0]}, tol=1e-3, n_intervals=4, n_points=3, max_meshes=2, max_iterations=20)
 ocp.MultiphaseProblem([double], None).solve(tol=1e-3, n_intervals=4, max_iterations=10)
 ocp.MultiphaseProblem([double, double], [{"q_mass": None, "v_mass": (0.0, None)}])

@@ -2,7 +2,7 @@
 
 import functools
 import pickle
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -242,3 +242,130 @@ def test_guesses_that_do_not_fit_are_refused(guess: Any, message: str) -> None:
     with pytest.raises(somersault.errors.InputError) as caught:
         BLOCK().solve(guess)
     assert message in str(caught.value)
+
+
+def massive(mass: float, initial: Any = (0, 0), duration: float = 1.0, **options: Any) -> ocp.ControlProblem:
+    """A mass that is moved over a metre from rest to rest with minimum effort, 6 m² (1 − x₀)²/T³."""
+    return ocp.ControlProblem(
+        lambda x, u, t, p: [x.v, u.force / p.mass],
+        states=("x", "v"),
+        controls=("force",),
+        parameters=("mass",),
+        initial=initial,
+        final=[1, 0],
+        duration=duration,
+        bounds={"mass": (mass, mass)},
+        running_cost=lambda x, u: 0.5 * u.force**2,
+        **options,
+    )
+
+
+def test_sensitivities_of_a_moved_mass_are_its_closed_form() -> None:
+    problem = massive(2.0)
+    found = problem.solve()
+    by = problem.sensitivity(found)
+    slopes = dict(zip(by.names, by.cost, strict=True))
+    exact = {"initial.x": -48, "initial.v": -24, "final.x": 48, "final.v": -24}
+    exact |= {"start_time": 0, "duration": -72, "mass": 24}
+    assert set(slopes) == set(exact) and by.n_weakly_active == 0
+    for name, value in exact.items():
+        assert slopes[name] == pytest.approx(value, abs=1e-6), name
+    # x = 3 s² − 2 s³ whatever the mass and the duration, u = m (6 − 12 s)/T²
+    k = {name: i for i, name in enumerate(by.names)}
+    s = found.t
+    np.testing.assert_allclose(by.x[:, 0, k["mass"]], 0.0, atol=1e-7)
+    np.testing.assert_allclose(by.x[:, 0, k["initial.x"]], 1 - 3 * s**2 + 2 * s**3, atol=1e-7)
+    np.testing.assert_allclose(by.u[:, 0, k["mass"]], 6 - 12 * s[:-1], atol=1e-6)
+    np.testing.assert_allclose(by.u[:, 0, k["duration"]], -4 * (6 - 12 * s[:-1]), atol=1e-6)
+    np.testing.assert_allclose(by.costates[:, 0, k["mass"]], -48.0, atol=1e-5)
+    assert by.horizon[:, k["duration"]].tolist() == [0, 1] and by.horizon[:, k["start_time"]].tolist() == [
+        1,
+        1,
+    ]
+    assert by.parameters[0, k["mass"]] == 1.0
+    again = pickle.loads(pickle.dumps(by))
+    assert again.names == by.names and np.array_equal(again.x, by.x) and repr(again) == repr(by)
+
+
+def test_predictions_are_motions_to_first_order() -> None:
+    problem = massive(2.0)
+    found = problem.solve()
+    by = problem.sensitivity(found)
+    errors = []
+    for change in (0.02, 0.01):
+        moved = problem.replace(
+            initial={"x": change}, duration=1 + change, bounds={"mass": (2 - change, 2 - change)}
+        )
+        there = moved.solve(found)
+        guess = by.predict({"initial.x": change, "duration": change, "mass": -change})
+        assert there.success and guess["t"][-1] == pytest.approx(1 + change) and guess["mass"] == 2 - change
+        errors.append(np.abs(guess["u"][:-1] - there.u).max())
+        from_there = moved.solve(guess)
+        assert from_there.success and from_there.cost == pytest.approx(there.cost, rel=1e-9)
+    assert errors[1] < 0.3 * errors[0] < 0.1
+    with pytest.raises(somersault.errors.InputError, match=r"`changes` must have names among .*, found 'm'"):
+        by.predict({"m": 1.0})
+    with pytest.raises(somersault.errors.InputError, match="duration above zero"):
+        by.predict({"duration": -2.0})
+
+
+def test_what_has_no_derivative_says_so() -> None:
+    problem = massive(2.0)
+    found = problem.solve()
+    with pytest.raises(somersault.errors.InputError, match="no solution of the program"):
+        massive(3.0, initial=(0.5, 0)).sensitivity(found)
+    # every control is at a bound, but for the switch
+    fast = ocp.ControlProblem(
+        lambda x, u: [x.v, u.force],
+        ("x", "v"),
+        ("force",),
+        initial=[0, 0],
+        final=[1, 0],
+        duration=(0.1, 10),
+        bounds={"force": (-1, 1)},
+        end_cost=lambda x, t: t,
+    )
+    with pytest.raises(somersault.errors.SensitivityError, match="no isolated minimum"):
+        fast.sensitivity(fast.solve())
+    with pytest.raises(TypeError, match="`found` must be a CollocationResult, found an int"):
+        problem.sensitivity(cast("Any", 3))
+
+
+def test_other_numbers_with_the_same_functions_are_the_problem_posed_again() -> None:
+    problem = massive(2.0)
+    for moved, posed in [
+        (problem.replace(initial={"x": 0.5}), massive(2.0, initial=(0.5, 0))),
+        (problem.replace(initial=[0.5, 0.1], duration=2), massive(2.0, initial=(0.5, 0.1), duration=2)),
+        (problem.replace(bounds={"mass": 3}), massive(3.0)),
+        (problem.replace(start_time=5.0), massive(2.0, start_time=5.0)),
+    ]:
+        np.testing.assert_array_equal(moved.solve().x, posed.solve().x)
+    assert problem.solve().cost == pytest.approx(24.0)
+    with pytest.raises(somersault.errors.InputError, match="`initial` must have names among x, v, found 'y'"):
+        problem.replace(initial={"y": 1})
+    with pytest.raises(somersault.errors.InputError, match="`duration` must be positive"):
+        problem.replace(duration=-1.0)
+
+
+def test_a_control_loop_takes_fewer_steps_than_cold_solves() -> None:
+    cart = ocp.ControlProblem(
+        multibody.cart_pendulum(),
+        actuated=["cart"],
+        initial=[0, 0, 0, 0],
+        final=[0, np.pi, 0, 0],
+        duration=2,
+        running_cost=lambda x, u: 0.5 * u.u_cart**2,
+    )
+    found, warm, cold = cart.solve(), 0, 0
+    for k in range(1, 6):
+        moved = cart.replace(initial=[0.01 * k, 0, 0, 0])
+        found = moved.solve(found)
+        fresh = moved.solve()
+        assert found.success and fresh.success and found.cost == pytest.approx(fresh.cost, rel=1e-7)
+        warm += sum(mesh["nit"] for mesh in found.meshes)
+        cold += sum(mesh["nit"] for mesh in fresh.meshes)
+    assert 2 * warm < cold
+    # sizes of a mesh begin a new one
+    assert (
+        found.meshes[0]["n_points"] != 60 and moved.solve(found, n_intervals=20).meshes[0]["n_points"] == 60
+    )

@@ -361,8 +361,8 @@ def cases() -> Iterator[tuple[str, Callable[[str, Any], Any], dict[str, list[Any
         call(moved.solve),
         {
             "guess": guess,
-            "n_intervals": COUNT,
-            "n_points": [*COUNT, 501],
+            "n_intervals": [n for n in COUNT if n is not None],
+            "n_points": [*(n for n in COUNT if n is not None), 501],
             "max_meshes": COUNT,
             "callback": CALLABLE,
             **SOLVE,
@@ -402,8 +402,8 @@ def cases() -> Iterator[tuple[str, Callable[[str, Any], Any], dict[str, list[Any
         call(linked.solve),
         {
             "guess": [*guess, [pair], [pair, "a"], [pair, {"x": [[0.0, 0.0]]}], [pair, pair, pair], found],
-            "n_intervals": COUNT,
-            "n_points": [*COUNT, 501],
+            "n_intervals": [n for n in COUNT if n is not None],
+            "n_points": [*(n for n in COUNT if n is not None), 501],
             "max_meshes": COUNT,
             "callback": CALLABLE,
             **SOLVE,

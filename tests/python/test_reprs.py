@@ -252,6 +252,7 @@ MADE: dict[str, Callable[[], Any]] = {
     "Phase": lambda: ocp.Phase(ocp.SplineMotion(1, 8), (0.5, 1.5), 20, n_segments=2),
     "Report": lambda: moved().report,
     "SearchResult": lambda: ocp.CartPendulumProblem().search(1),
+    "SolutionSensitivity": lambda: block().sensitivity(block().solve(tol=1e-3, n_intervals=4)),
     "SplineMotion": lambda: ocp.SplineMotion(2, 8),
     "SwingUpVerification": lambda: ocp.CartPendulumProblem().verify(np.zeros(5)),
     "Term": lambda: ocp.function(ways),

@@ -238,6 +238,7 @@ WITHOUT = {
     "Shape",
     "Skeleton",
     "SkeletonJoint",
+    "SolutionSensitivity",
     "Spectrum",
     "Sphere",
     "SpherePair",

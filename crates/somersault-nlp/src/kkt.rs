@@ -36,8 +36,8 @@ pub(crate) enum Activity {
 
 /// ε relative to squared row norm over ‖H‖.
 const DUAL_REGULARISATION: f64 = 1e-8;
-/// δ relative to ‖H‖: the first that leaves no pivot zero.
-const PRIMAL_REGULARISATIONS: [f64; 4] = [1e-9, 1e-8, 1e-7, 1e-6];
+/// δ relative to ‖H‖.
+const PRIMAL_REGULARISATION: f64 = 1e-9;
 
 /// Pivots below this, relative to the largest entry of H, count as zero.
 const SMALLEST_PIVOT: f64 = 1e-13;
@@ -65,6 +65,8 @@ pub(crate) struct Kkt {
     /// Of rows that may be left: 1 for least squares, 0 for constraints.
     compliance: f64,
     row_norms: Vec<f64>,
+    /// Those of δ relative to ‖H‖ that are tried, until no pivot is zero.
+    regularisations: &'static [f64],
     residual: Vec<f64>,
     /// Where a solve started.
     start: Vec<f64>,
@@ -117,10 +119,16 @@ impl Kkt {
             shift: 0.0,
             compliance: 0.0,
             row_norms: vec![0.0; m],
+            regularisations: &[PRIMAL_REGULARISATION],
             residual: vec![0.0; n + m],
             start: vec![0.0; n + m],
             krylov: Krylov::new(n + m),
         })
+    }
+
+    /// For solves whose factors need not be near the matrix.
+    pub(crate) fn with_regularisations(self, regularisations: &'static [f64]) -> Self {
+        Self { regularisations, ..self }
     }
 
     /// Factorisations so far.
@@ -188,7 +196,7 @@ impl Kkt {
             };
         }
         let mut added = 0.0;
-        let mut regularisations = PRIMAL_REGULARISATIONS.iter();
+        let mut regularisations = self.regularisations.iter();
         while !self.saddle.factor() {
             let Some(regularisation) = regularisations.next() else { return false };
             for i in (0..n).filter(|&i| free(i)) {

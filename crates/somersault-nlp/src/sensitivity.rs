@@ -22,6 +22,8 @@ const SOLVED: f64 = 1e-5;
 const WEAK: f64 = 1e-6;
 /// Curvature along the active constraints, relative to the largest entry of the Hessian, below which a minimum is not isolated.
 const FLAT: f64 = 1e-10;
+/// What may be added to the Hessian, relative to its size, where a pivot vanishes; refinement takes it out again.
+const REGULARISATIONS: [f64; 4] = [1e-9, 1e-8, 1e-7, 1e-6];
 const INVERSE_ITERATIONS: usize = 3;
 /// Derivatives beyond this, relative to the point, are those of constraints that depend on each other but for rounding.
 const STEEPEST: f64 = 1e5;
@@ -112,14 +114,14 @@ impl Sensitivity {
         program.structure.jacobian.add_transposed_product(&point.jacobian, y, &mut slope);
         let mut held = vec![0.0; n];
         let residual = program.residuals(&point, y, max_norm(&point.gradient), &mut held).max();
-        // a NaN is not below
-        if !(residual <= SOLVED) {
+        if residual.is_nan() || residual > SOLVED {
             return Err(NoDerivative::NotSolved { residual });
         }
         let mut hessian = vec![0.0; program.structure.hessian.n_entries()];
         program.hessian(z, 1.0, y, &mut hessian)?;
         let (active, weak) = activities(&program, &point, &held, y);
-        let mut kkt = Kkt::try_new(&program.structure.hessian, &program.structure.jacobian)?;
+        let mut kkt = Kkt::try_new(&program.structure.hessian, &program.structure.jacobian)?
+            .with_regularisations(&REGULARISATIONS);
         if !kkt.factor(&hessian, 0.0, &point.jacobian, &active)
             || is_flat(&mut kkt, n, n + m, FLAT * max_norm(&hessian))
         {

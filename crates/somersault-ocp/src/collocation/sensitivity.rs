@@ -52,7 +52,7 @@ impl CollocationReport {
     ) -> Result<SolutionSensitivity<'p>, CollocationError> {
         let meshes: Vec<Mesh> = self.phases.iter().map(|phase| phase.mesh().clone()).collect();
         let mut transcription = Transcription::with_fixed(problem, &meshes)?;
-        let Start { z, constraint_multipliers, .. } = transcription.repeated(self)?;
+        let Start { z, constraint_multipliers, .. } = transcription.repeated(&self.phases, &self.program)?;
         let (found, expected) = (constraint_multipliers.len(), transcription.row_scales.len());
         expect_length(None, "multipliers of the solution", found, expected)?;
         let sensitivity = Sensitivity::try_new(&mut transcription, &z, &constraint_multipliers)?;

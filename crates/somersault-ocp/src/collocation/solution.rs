@@ -10,9 +10,8 @@ use super::function::VectorFunction;
 use super::guess::Guess;
 use super::layout::PhaseLayout;
 use super::mesh::{Grid, GridInterval, Mesh};
-use super::solve::CollocationReport;
 use super::transcription::Transcription;
-use somersault_nlp::{Nlp, Start};
+use somersault_nlp::{Nlp, Report, Start};
 use std::ops::Deref;
 
 /// Distance of a time to its bound, relative to its size, at which that holds it.
@@ -376,16 +375,19 @@ impl Transcription<'_> {
     }
 
     /// A start at the solution of a like problem on the same meshes, with its multipliers where constraints are as many.
-    pub(super) fn repeated(&mut self, from: &CollocationReport) -> Result<Start, CollocationError> {
-        let program = &from.program;
-        let guesses: Vec<Guess> = from.phases.iter().map(PhaseSolution::to_guess).collect();
+    pub(super) fn repeated(
+        &mut self,
+        from: &[PhaseSolution],
+        program: &Report,
+    ) -> Result<Start, CollocationError> {
+        let guesses: Vec<Guess> = from.iter().map(PhaseSolution::to_guess).collect();
         for (k, guess) in guesses.iter().enumerate() {
             guess.validate((guesses.len() > 1).then_some(k), &self.problem.phases[k].sizes)?;
         }
         if program.constraint_multipliers.len() != self.row_scales.len() {
             return Ok(self.start(&guesses).into());
         }
-        Ok(self.continued(&from.phases, &self.rest(&program.constraint_multipliers)))
+        Ok(self.continued(from, &self.rest(&program.constraint_multipliers)))
     }
 
     /// Decision vector and multipliers that continue from solutions, on another mesh or the same; `rest` are the multipliers of

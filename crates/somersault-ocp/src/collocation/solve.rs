@@ -220,7 +220,9 @@ impl<S: NlpSolver> Collocation<S> {
                 (Some((phases, rest)), _) => transcription.continued(phases, rest),
                 (None, Origin::Phases) => transcription.decision_of_guess().into(),
                 (None, Origin::Guesses(guesses)) => transcription.start(guesses).into(),
-                (None, Origin::Solution(solution)) => transcription.repeated(solution)?,
+                (None, Origin::Solution(solution)) => {
+                    transcription.repeated(&solution.phases, &solution.program)?
+                }
             };
             let program = self.solver.solve(&mut transcription, &start, on_iteration)?;
             let mut phases = transcription.solution(&program.z, &program.constraint_multipliers)?;
