@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from somersault._control_problem import ControlProblem, _values
+from somersault._control_arguments import _values
+from somersault._control_problem import ControlProblem
 from somersault._somersault.multibody import two_link_arm
 from somersault._somersault.ocp import CollocationResult
 from somersault.errors import InputError

@@ -4,33 +4,36 @@ from __future__ import annotations
 
 import copy
 import functools
-import inspect
-import keyword
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, Literal, TypeAlias, cast
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Literal, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
-from somersault import expr
+from somersault._control_arguments import (
+    _FREE,
+    _article,
+    _as_many,
+    _Constrained,
+    _Constraint,
+    _Entries,
+    _entries,
+    _Floats,
+    _Guess,
+    _line,
+    _Names,
+    _number,
+    _positive,
+    _Range,
+    _range,
+    _values,
+)
 from somersault._somersault import ocp as _extension
 from somersault._somersault.multibody import Model
-from somersault._somersault.ocp import CollocationResult, SolutionSensitivity
+from somersault._somersault.ocp import CollocationResult, SearchResult, SolutionSensitivity
 from somersault.errors import InputError
 
 __all__ = ["ControlProblem"]
-
-#: A number, bounds, or None for what is free.
-_Range: TypeAlias = "float | tuple[float | None, float | None] | None"
-#: A function with its lower and upper bounds.
-_Constraint: TypeAlias = "tuple[Callable[..., Any], Any, Any]"
-_Floats: TypeAlias = NDArray[np.float64]
-_Guess: TypeAlias = "CollocationResult | Mapping[str, ArrayLike]"
-#: What states are at an end.
-_Entries: TypeAlias = "Mapping[str, _Range] | Sequence[_Range] | None"
-
-_FREE = (-math.inf, math.inf)
 
 
 class ControlProblem:
@@ -318,13 +321,70 @@ class ControlProblem:
         >>> found.status, round(found.cost, 4)  # 3 − √5
         ('converged', 0.7639)
         """
-        start: Any = guess
-        if not isinstance(guess, CollocationResult):
-            start = [] if guess is None else [self._start_of("guess", guess)]
         found = self._posed.solve(
-            start, tol, n_intervals, n_points, max_meshes, max_iterations, max_time, callback, on_interrupt
+            self._origin("guess", guess),
+            tol,
+            n_intervals,
+            n_points,
+            max_meshes,
+            max_iterations,
+            max_time,
+            callback,
+            on_interrupt,
         )
         return cast("CollocationResult", found)
+
+    def search(
+        self,
+        n_starts: int = 16,
+        *,
+        seed: int = 1,
+        tol: float = 1e-6,
+        n_intervals: int | None = None,
+        n_points: int | None = None,
+        max_meshes: int = 20,
+        max_iterations: int | None = None,
+        max_time: float | None = None,
+        on_interrupt: Literal["raise", "return"] = "raise",
+    ) -> SearchResult:
+        """Solves from many starts in parallel, merges solutions that are the same, and ranks them by cost.
+
+        The first start is the straight line. From the others, states leave it by sines as far as bounds or
+        their sizes allow, controls run between two random values, and free horizons are half to twice as
+        long. Solutions are the same where states, parameters and horizons agree to three digits.
+
+        Parameters
+        ----------
+        n_starts : int, optional
+        seed : int, optional
+            Of the random starts.
+        max_time : float, optional
+            s, of the whole search.
+        tol, n_intervals, n_points, max_meshes, max_iterations, on_interrupt
+            As of `solve`.
+
+        Returns
+        -------
+        SearchResult
+            Its `minima` are results with the status ``'converged'``, `unfinished` all others.
+
+        Examples
+        --------
+        Two ways around a disk that is not quite in the middle, of lengths √19.4986 and √21.3033:
+
+        >>> import numpy as np
+        >>> from somersault import ocp
+        >>> problem = ocp.ControlProblem(
+        ...     lambda x, u: [u.right, u.up], states=("x", "y"), controls=("right", "up"),
+        ...     initial=[-2, 0], final=[2, 0], duration=1, running_cost=lambda x, u: u.right**2 + u.up**2,
+        ...     path=[(lambda x: x.x**2 + (x.y - 0.1)**2, 1, None)])
+        >>> found = problem.search(8, tol=1e-4)
+        >>> [(round(each.cost, 2), "below" if each.state(0.5)[1] < 0 else "above") for each in found.minima]
+        [(19.5, 'below'), (21.3, 'above')]
+        """
+        return self._posed.search(
+            n_starts, seed, tol, n_intervals, n_points, max_meshes, max_iterations, max_time, on_interrupt
+        )
 
     def sensitivity(self, found: CollocationResult) -> SolutionSensitivity:
         """Derivatives of a solution with respect to what the problem gives.
@@ -391,6 +451,12 @@ class ControlProblem:
         """When it begins and ends, where it begins at a time between two."""
         return [(first, last), (first + self._duration[0], last + self._duration[1])]
 
+    def _origin(self, argument: str, guess: _Guess | None) -> Any:
+        """Where a search starts: an earlier result, or rows, or neither."""
+        if isinstance(guess, CollocationResult):
+            return guess
+        return [] if guess is None else [self._start_of(argument, guess)]
+
     def _start_of(self, argument: str, guess: _Guess) -> CollocationResult | tuple[Any, ...]:
         """Times, states, controls and parameters of a guess by names; an earlier result is one itself."""
         names = self._names
@@ -449,326 +515,3 @@ class ControlProblem:
         parts = (("states", names.states), ("controls", names.controls), ("parameters", names.parameters))
         listed = (f"{kind} {', '.join(part)}" for kind, part in parts if part)
         return f"<ControlProblem: {'; '.join(listed)}>"
-
-
-class _Names:
-    """Names of states, controls and parameters, and what is traced with them."""
-
-    def __init__(
-        self,
-        states: Sequence[str] | int | None,
-        controls: Sequence[str] | int | None,
-        parameters: Sequence[str] | int,
-    ) -> None:
-        self.states = _names("states", states, "x")
-        self.controls = _names("controls", () if controls is None else controls, "u")
-        self.parameters = _names("parameters", parameters, "p")
-        if not self.states:
-            raise InputError("`states` must have at least one name, found none")
-        all_names = [*self.states, *self.controls, *self.parameters]
-        for name in all_names:
-            if all_names.count(name) > 1 or name == "t":
-                raise InputError(
-                    "`states`, `controls` and `parameters` must have names of their own, none of them 't',"
-                    f" found {name!r}{'' if name == 't' else ' twice'}"
-                )
-
-    def ranges(
-        self,
-        argument: str,
-        entries: Mapping[str, _Range] | None,
-        known: list[list[tuple[float, float]]] | None = None,
-    ) -> list[list[tuple[float, float]]]:
-        """Bounds of states, controls and parameters by name; others are free, or as known."""
-        parts = [self.states, self.controls, self.parameters]
-        found = _by_name(argument, [name for part in parts for name in part], entries)
-        known = known or [[_FREE] * len(part) for part in parts]
-        return [
-            [found.get(name, pair) for name, pair in zip(part, pairs, strict=True)]
-            for part, pairs in zip(parts, known, strict=True)
-        ]
-
-    def states_of(
-        self, argument: str, entries: _Entries, known: list[tuple[float, float]] | None = None
-    ) -> list[tuple[float, float]]:
-        """What each state may be at an end; those that are not named are free, or as known."""
-        if entries is None or isinstance(entries, Mapping):
-            found = _by_name(argument, self.states, entries)
-            known = known or [_FREE] * len(self.states)
-            return [found.get(name, pair) for name, pair in zip(self.states, known, strict=True)]
-        if isinstance(entries, str) or not isinstance(entries, Iterable):
-            raise InputError(
-                f"`{argument}` must be values by name or in order, found {_article(type(entries).__name__)}"
-            )
-        listed = list(entries)
-        if len(listed) != len(self.states):
-            raise InputError(f"`{argument}` must have {len(self.states)} entries, found {len(listed)}")
-        return [_range(f"{argument}[{k}]", entry) for k, entry in enumerate(listed)]
-
-    def scales(
-        self, scales: Mapping[str, float] | None, n_integrals: int
-    ) -> tuple[list[float], list[float]] | None:
-        """Sizes of states, integrals and controls."""
-        if scales is None:
-            return None
-        parts = [*self.states, *self.controls]
-        if not isinstance(scales, Mapping):
-            raise InputError(f"`scales` must be sizes by name, found {_article(type(scales).__name__)}")
-        for name, value in scales.items():
-            if name not in parts:
-                raise InputError(f"`scales` must have names among {', '.join(parts)}, found {name!r}")
-            _positive(f"scales[{name!r}]", (_number(f"scales[{name!r}]", value),) * 2)
-        missing = [name for name in parts if name not in scales]
-        if missing:
-            raise InputError(f"`scales` must have a size of {', '.join(missing)}")
-        states = [float(scales[name]) for name in self.states]
-        return [*states, *[1.0] * n_integrals], [float(scales[name]) for name in self.controls]
-
-    def functions(
-        self,
-        dynamics: Callable[..., Any] | None,
-        costs: tuple[Callable[..., Any] | None, Callable[..., Any] | None],
-        path: list[_Constrained],
-        ends: list[_Constrained],
-        integrals: list[_Constrained],
-    ) -> list[Any]:
-        """f with the integrands; L with path constraints; Φ with end constraints.
-
-        Inputs are in the order of collocation. A tree has its own f.
-        """
-        rates = None if dynamics is None else _called("dynamics", dynamics, _ALONG)
-        running, final = (
-            _called("running_cost", costs[0], _ALONG),
-            _called("end_cost", costs[1], ("x", "t", "p")),
-        )
-
-        def moving(x: Any, z: Any, u: Any, p: Any, t: Any) -> list[Any]:
-            found = [] if rates is None else _flat("dynamics", rates(x, u, t, p))
-            if rates is not None and len(found) != len(self.states):
-                raise InputError(f"`dynamics` must give {len(self.states)} rates, found {len(found)}")
-            return [*found, *(value for each in integrals for value in each.values(x, u, t, p))]
-
-        def along(x: Any, z: Any, u: Any, p: Any, t: Any) -> list[Any]:
-            return [
-                _one("running_cost", running(x, u, t, p)),
-                *(v for each in path for v in each.values(x, u, t, p)),
-            ]
-
-        def at_ends(x: Any, z: Any, last: Any, z_last: Any, p: Any, start: Any, end: Any) -> list[Any]:
-            cost = _one("end_cost", final(last, end, p))
-            return [cost, *(value for each in ends for value in each.values(x, last, start, end, p))]
-
-        n = len(integrals)
-        # an empty tuple is a single number, and no names are a length of zero
-        x, u, p = (tuple(part) or 0 for part in (self.states, self.controls, self.parameters))
-        at_time: dict[str, Any] = {"x": x, "z": n, "u": u, "p": p, "t": ()}
-        both: dict[str, Any] = {"x": x, "z": n, "last": x, "z_last": n, "p": p, "start": (), "end": ()}
-        return [_trace(moving, at_time), _trace(along, at_time), _trace(at_ends, both)]
-
-
-#: What functions of a time take.
-_ALONG = ("x", "u", "t", "p")
-
-
-class _Constrained:
-    """A function with bounds, whose number of values is known once it was traced."""
-
-    def __init__(self, argument: str, number: int, entry: Any) -> None:
-        self.name = f"{argument}[{number}]"
-        if not isinstance(entry, tuple | list) or len(entry) != 3:
-            raise InputError(
-                f"`{self.name}` must be (function, lower, upper), found {_article(type(entry).__name__)}"
-            )
-        function, self.lower, self.upper = entry
-        self.is_integral = argument == "integrals"
-        names = ("x_0", "x_f", "t_0", "t_f", "p") if argument == "ends" else _ALONG
-        self.call = _called(self.name, function, names)
-        self.n_values = 0
-
-    def values(self, *arguments: Any) -> list[Any]:
-        """What it gives, one after the other."""
-        found = self.call(*arguments)
-        values = [_one(self.name, found)] if self.is_integral else _flat(self.name, found)
-        self.n_values = len(values)
-        return values
-
-    def pairs(self) -> list[tuple[float, float]]:
-        """Bounds of each value."""
-        lower, upper = (
-            self._side(*each) for each in (("lower", self.lower, -math.inf), ("upper", self.upper, math.inf))
-        )
-        for low, high in zip(lower, upper, strict=True):
-            if low > high:
-                raise InputError(f"`{self.name}` must have bounds that do not cross, found ({low}, {high})")
-        return list(zip(lower, upper, strict=True))
-
-    def _side(self, side: str, limit: Any, default: float) -> list[float]:
-        limits = _values(f"{self.name}, {side}", default if limit is None else limit)
-        if limits.ndim and len(limits) != self.n_values:
-            raise InputError(f"`{self.name}` must have {self.n_values} {side} bounds, found {len(limits)}")
-        return [float(limit) for limit in np.broadcast_to(limits, self.n_values)]
-
-
-def _trace(function: Callable[..., Any], blocks: Mapping[str, Any]) -> Any:
-    return expr.Function(function, **blocks)._compiled
-
-
-def _called(argument: str, function: Any, names: Sequence[str]) -> Callable[..., Any]:
-    """The function with as many arguments as it takes; without a function there is nothing, 0."""
-    if function is None:
-        return lambda *_: 0.0
-    if not callable(function):
-        raise InputError(
-            f"`{argument}` must be a function of ({', '.join(names)}), found"
-            f" {_article(type(function).__name__)}"
-        )
-    kinds = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
-    try:
-        parameters = list(inspect.signature(function).parameters.values())
-    except (TypeError, ValueError):
-        return cast("Callable[..., Any]", function)
-    if any(each.kind is inspect.Parameter.VAR_POSITIONAL for each in parameters):
-        return cast("Callable[..., Any]", function)
-    n = sum(each.kind in kinds for each in parameters)
-    required = sum(each.kind in kinds and each.default is inspect.Parameter.empty for each in parameters)
-    if required > len(names):
-        raise InputError(
-            f"`{argument}` must take ({', '.join(names)}) or fewer of them, found {required} arguments"
-        )
-    return lambda *arguments: function(*arguments[:n])
-
-
-def _as_many(argument: str, given: Sequence[str] | int | None, own: list[str]) -> Sequence[str]:
-    """Names that replace those of a tree."""
-    if given is None:
-        return own
-    found = _names(argument, given, {"states": "x", "controls": "u"}[argument])
-    if len(found) != len(own):
-        raise InputError(f"`{argument}` must have {len(own)} names for the tree, found {len(found)}")
-    return found
-
-
-def _flat(argument: str, found: Any) -> list[Any]:
-    """Values one after the other."""
-    if found is None:
-        raise InputError(f"`{argument}` must return its values, found None")
-    values = list(np.ravel(np.asarray(found, dtype=object)))
-    for value in values:
-        if isinstance(value, float) and not math.isfinite(value):
-            raise InputError(f"`{argument}` must return finite values, found {value}")
-    return values
-
-
-def _one(argument: str, found: Any) -> Any:
-    values = _flat(argument, found)
-    if len(values) != 1:
-        raise InputError(f"`{argument}` must return one value, found {len(values)}")
-    return values[0]
-
-
-def _names(argument: str, given: Sequence[str] | int | None, prefix: str) -> list[str]:
-    if isinstance(given, int) and not isinstance(given, bool):
-        if not 0 <= given <= _MOST_NAMES:
-            raise InputError(f"`{argument}` must be names or a number up to {_MOST_NAMES}, found {given}")
-        return [f"{prefix}{k}" for k in range(given)]
-    if isinstance(given, str) or not isinstance(given, Iterable):
-        what = "a sequence of names or a number"
-        raise InputError(f"`{argument}` must be {what} where `dynamics` is a function, found {given!r}")
-    names = list(given)
-    for name in names:
-        if not isinstance(name, str) or not name.isidentifier() or keyword.iskeyword(name):
-            raise InputError(f"`{argument}` must be names as those of variables, found {name!r}")
-    return names
-
-
-#: States of the largest problem, far beyond what a mesh has room for.
-_MOST_NAMES = 10_000
-
-
-def _entries(argument: str, given: Any) -> list[Any]:
-    if isinstance(given, str | Mapping) or not isinstance(given, Iterable):
-        raise InputError(
-            f"`{argument}` must be a sequence of (function, lower, upper), found"
-            f" {_article(type(given).__name__)}"
-        )
-    entries = list(given)
-    # one constraint without its brackets is a frequent slip
-    return (
-        [tuple(entries)]
-        if len(entries) == 3 and callable(entries[0]) and not callable(entries[1])
-        else entries
-    )
-
-
-def _by_name(argument: str, names: list[str], entries: Any) -> dict[str, tuple[float, float]]:
-    if entries is None:
-        return {}
-    if not isinstance(entries, Mapping):
-        raise InputError(f"`{argument}` must be values by name, found {_article(type(entries).__name__)}")
-    for name in entries:
-        if name not in names:
-            raise InputError(f"`{argument}` must have names among {', '.join(names)}, found {name!r}")
-    return {name: _range(f"{argument}[{name!r}]", entry) for name, entry in entries.items()}
-
-
-def _number(argument: str, given: Any) -> float:
-    values = _values(argument, given)
-    if values.ndim:
-        raise InputError(f"`{argument}` must be a number, found {given!r}")
-    if not math.isfinite(float(values)):
-        raise InputError(f"`{argument}` must be finite, found {float(values)}")
-    return float(values)
-
-
-def _range(argument: str, given: Any) -> tuple[float, float]:
-    """Bounds: None is free, a number is both."""
-    if given is None:
-        return _FREE
-    if isinstance(given, tuple | list) and len(given) == 2:
-        low, high = (
-            default if each is None else float(_values(argument, each))
-            for each, default in zip(given, _FREE, strict=True)
-        )
-        if not low <= high:
-            raise InputError(
-                f"`{argument}` must have bounds that do not cross and are no NaN, found ({low}, {high})"
-            )
-        return low, high
-    number = _number(argument, given)
-    return number, number
-
-
-def _positive(argument: str, pair: tuple[float, float]) -> tuple[float, float]:
-    # a NaN is not above
-    if not (pair[1] > 0.0 and math.inf > pair[0] >= 0.0):
-        raise InputError(
-            f"`{argument}` must be positive, or a pair of such numbers in their order, found {pair}"
-        )
-    return pair
-
-
-def _values(argument: str, given: Any) -> _Floats:
-    try:
-        values = np.asarray(given, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"`{argument}` must be real numbers, found {given!r}") from error
-    if values.ndim > 1:
-        raise InputError(f"`{argument}` must be a number or a list of numbers, found shape {values.shape}")
-    return values
-
-
-def _line(
-    first: tuple[float, float], last: tuple[float, float], bound: tuple[float, float], at: _Floats
-) -> _Floats:
-    """From the middle of what is allowed at the start to that at the end; a free end is the other one."""
-    first, last = ((max(end[0], bound[0]), min(end[1], bound[1])) for end in (first, last))
-    ends = [last if end == _FREE else end for end in (first,)] + [first if last == _FREE else last]
-    middle = [
-        0.5 * (low + high) if math.isfinite(low + high) else float(np.clip(0.0, low, high))
-        for low, high in ends
-    ]
-    return middle[0] + (middle[1] - middle[0]) * at
-
-
-def _article(name: str) -> str:
-    return f"{'an' if name[:1].lower() in 'aeiou' else 'a'} {name}"

@@ -9,9 +9,10 @@ from typing import Any, Literal, TypeAlias, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from somersault._control_problem import ControlProblem, _by_name, _Guess, _Range
+from somersault._control_arguments import _by_name, _Guess, _Range
+from somersault._control_problem import ControlProblem
 from somersault._somersault import ocp as _extension
-from somersault._somersault.ocp import MultiphaseResult
+from somersault._somersault.ocp import MultiphaseResult, SearchResult
 from somersault.errors import InputError
 
 __all__ = ["MultiphaseProblem"]
@@ -139,6 +140,45 @@ class MultiphaseProblem:
             on_interrupt,
         )
         return cast("MultiphaseResult", found)
+
+    def search(
+        self,
+        n_starts: int = 16,
+        *,
+        seed: int = 1,
+        tol: float = 1e-6,
+        n_intervals: int | None = None,
+        n_points: int | None = None,
+        max_meshes: int = 20,
+        max_iterations: int | None = None,
+        max_time: float | None = None,
+        on_interrupt: Literal["raise", "return"] = "raise",
+    ) -> SearchResult:
+        """Solves from many starts in parallel, as `ControlProblem.search` does.
+
+        Parameters
+        ----------
+        n_starts, seed, tol, n_intervals, n_points, max_meshes, max_iterations, max_time, on_interrupt
+            As of `ControlProblem.search`; intervals and points are those of each phase.
+
+        Returns
+        -------
+        SearchResult
+            Its `minima` are those of `MultiphaseResult`.
+
+        Examples
+        --------
+        >>> from somersault import ocp
+        >>> leg = dict(states=("x", "v"), controls=("f",), duration=1, running_cost=lambda x, u: 0.5 * u.f**2)
+        >>> away = ocp.ControlProblem(lambda x, u: [x.v, u.f], initial=[0, 0], final={"x": 1}, **leg)
+        >>> back = ocp.ControlProblem(lambda x, u: [x.v, u.f], final=[0, 0], **leg)
+        >>> found = ocp.MultiphaseProblem([away, back]).search(4)
+        >>> found.starts, round(found.best.cost, 4)
+        ([[0, 1, 2, 3]], 12.0)
+        """
+        return self._posed.search(
+            n_starts, seed, tol, n_intervals, n_points, max_meshes, max_iterations, max_time, on_interrupt
+        )
 
     def _starts(self, guess: MultiphaseResult | Sequence[_Guess] | None) -> Any:
         """A guess for each phase; those by names are moved to where the one before ends."""

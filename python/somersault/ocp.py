@@ -29,10 +29,11 @@ two examples of the thesis.
 """
 
 from somersault._arm import arm_motion, arm_problem
+from somersault._batch import solve_batch
 from somersault._control_problem import ControlProblem
 from somersault._multiphase_problem import MultiphaseProblem
 from somersault._somersault import ocp as _extension
 from somersault._somersault.ocp import *  # noqa: F403
 
-__all__ = ["ControlProblem", "MultiphaseProblem", "arm_motion", "arm_problem"]
+__all__ = ["ControlProblem", "MultiphaseProblem", "arm_motion", "arm_problem", "solve_batch"]
 __all__ += [name for name in _extension.__all__ if not name.startswith("Traced")]

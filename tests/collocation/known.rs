@@ -163,7 +163,17 @@ pub(crate) struct Known {
 
 impl Known {
     pub(crate) fn problem(&self) -> Problem {
-        Problem::try_new((self.phase)()).expect("the problem is well posed")
+        self.problem_from(None)
+    }
+
+    /// The same from another guess.
+    pub(crate) fn problem_from(&self, guess: Option<Guess>) -> Problem {
+        let phase = (self.phase)();
+        let phase = match guess {
+            Some(guess) => phase.guess(guess),
+            None => phase,
+        };
+        Problem::try_new(phase).expect("the problem is well posed")
     }
 
     /// Nowhere a node where the solution is not smooth.

@@ -8,3 +8,4 @@ mod known;
 mod optima;
 mod radau;
 mod sensitivity;
+mod starts;

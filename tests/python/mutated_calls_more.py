@@ -281,6 +281,8 @@ TracedPhase.of_tree(double.model, ["mass"])
 traced = TracedProblem([phase], [[(0.0, 0.0), (1.0, 1.0)]], None)
 traced_result = traced.solve([], 1e-3, 4, 3, 2, 20, None, None, "raise")
 traced.sensitivity(traced_result)
+traced.search(2, 1, 1e-3, 4, 3, 2, 20, 1.0, "raise")
+TracedProblem.solve_all([traced], [[]], 1e-3, 4, 3, 2, 20, 1.0, "raise")
 traced.solve(traced_result, 1e-3, None, None, 2, 20, None, None, "raise")
 TracedProblem(
     [phase, phase], [[(0.0, 0.0), (1.0, 1.0)], [(1.0, 1.0), (2.0, 2.0)]], [(0, 1, "time", 0, 0, (0.0, 0.0))]
@@ -297,6 +299,10 @@ thrown.replace(
 )
 loop = ocp.ControlProblem(double.model, initial=[0, 0], final=[1, 0], running_cost=lambda x, u: u[0] ** 2)
 loop.sensitivity(loop.solve(tol=1e-3, n_intervals=4)).predict({"final.q_mass": 0.1, "duration": 0.1})
+thrown.search(2, seed=1, tol=1e-3, n_intervals=4, n_points=3, max_meshes=2, max_iterations=20, max_time=1.0)
+ocp.solve_batch(
+    [thrown], [None], tol=1e-3, n_intervals=4, n_points=3, max_meshes=2, max_iterations=20, max_time=1.0
+)
 thrown.solve({"x0": [0.0, 1.0]}, tol=1e-3, n_intervals=4, n_points=3, max_meshes=2, max_iterations=20)
 ocp.MultiphaseProblem([double], None).solve(tol=1e-3, n_intervals=4, max_iterations=10)
 ocp.MultiphaseProblem([double, double], [{"q_mass": None, "v_mass": (0.0, None)}])

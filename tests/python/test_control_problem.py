@@ -369,3 +369,69 @@ def test_a_control_loop_takes_fewer_steps_than_cold_solves() -> None:
     assert (
         found.meshes[0]["n_points"] != 60 and moved.solve(found, n_intervals=20).meshes[0]["n_points"] == 60
     )
+
+
+def around(height: float) -> ocp.ControlProblem:
+    """From (−2, 0) to (2, 0) in a second around a disk of radius 1 with its middle at (0, height)."""
+    return ocp.ControlProblem(
+        lambda x, u: [u.right, u.up],
+        states=("x", "y"),
+        controls=("right", "up"),
+        initial=[-2, 0],
+        final=[2, 0],
+        path=[(lambda x: x.x**2 + (x.y - height) ** 2, 1, None)],
+        running_cost=lambda x, u: u.right**2 + u.up**2,
+    )
+
+
+def test_a_search_finds_both_ways_around_a_disk() -> None:
+    # two tangents and an arc, below and above; the cost is the square of the length
+    d = np.hypot(2, 0.1)
+    lengths = [
+        2 * np.sqrt(d**2 - 1) + np.pi + side * 2 * np.arctan(0.05) - 2 * np.arccos(1 / d) for side in (-1, 1)
+    ]
+    found = around(0.1).search(12, tol=1e-5)
+    assert found.status == "converged" and found.success and len(found.minima) == 2
+    for minimum, length in zip(found.minima, lengths, strict=True):
+        assert minimum.success and minimum.cost == pytest.approx(length**2, rel=1e-5)
+    assert found.best.cost == found.minima[0].cost
+    assert sorted(n for starts in found.starts for n in starts) + [n for n, _ in found.failures] == list(
+        range(12)
+    )
+    # the same for the same seed, from pickles and on one thread
+    again = around(0.1).search(12, tol=1e-5)
+    assert again.starts == found.starts
+    stored = pickle.loads(pickle.dumps(found))
+    assert stored.starts == found.starts and np.array_equal(stored.best.x, found.best.x)
+
+
+def test_starts_that_lead_nowhere_are_listed_with_the_reason() -> None:
+    impossible = BLOCK(bounds={"force": (-1, 1)}, duration=0.5).search(3)
+    assert impossible.status == "no_minimum" and not impossible.success and impossible.minima == []
+    assert [n for n, _ in impossible.failures] == [0, 1, 2]
+    assert all("infeasible" in reason for _, reason in impossible.failures)
+    assert impossible.best.status == "infeasible"
+    late = around(0.1).search(200, max_time=1e-3)
+    assert late.status == "time_limit" and len(late.failures) > 100
+    with pytest.raises(somersault.errors.InputError, match="`n_starts` must be at most 10000, found 20000"):
+        BLOCK().search(20_000)
+
+
+def test_a_batch_is_its_problems_one_by_one() -> None:
+    problems = [BLOCK(duration=1 + 0.1 * k) for k in range(20)]
+    found = ocp.solve_batch(problems)
+    for problem, each in zip(problems, found, strict=True):
+        assert each is not None and each.success
+        np.testing.assert_array_equal(each.x, problem.solve().x)
+    # from earlier results, with values by name, and from nothing
+    start: list[Any] = [found[0], {"x": [0, 1]}, None]
+    again = ocp.solve_batch(problems[:3], start)
+    assert [each.cost for each in again if each] == pytest.approx([each.cost for each in found[:3] if each])
+    assert ocp.solve_batch([]) == []
+    assert None in ocp.solve_batch(problems, max_time=1e-9)
+    with pytest.raises(somersault.errors.InputError, match=r"`guesses` must have 20 entries, found 3"):
+        ocp.solve_batch(problems, start)
+    with pytest.raises(TypeError, match=r"`problems\[1\]` must be a ControlProblem, found int"):
+        ocp.solve_batch([problems[0], cast("Any", 3)])
+    with pytest.raises(somersault.errors.InputError, match=r"`guesses\[0\]` must have names among"):
+        ocp.solve_batch(problems[:1], [{"speed": 1.0}])

@@ -49,7 +49,8 @@ class Case:
     @property
     def report(self) -> ocp.Report:
         """The best minimum."""
-        return self.search.best
+        best: ocp.Report = self.search.best
+        return best
 
     @property
     def n_starts(self) -> int:

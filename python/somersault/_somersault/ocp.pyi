@@ -504,11 +504,11 @@ class SearchResult:
     @property
     def success(self) -> bool: ...
     @property
-    def minima(self) -> list[Report]: ...
+    def minima(self) -> list[Any]: ...
     @property
-    def unfinished(self) -> list[Report]: ...
+    def unfinished(self) -> list[Any]: ...
     @property
-    def best(self) -> Report: ...
+    def best(self) -> Any: ...
     @property
     def starts(self) -> list[list[int]]: ...
     @property
@@ -636,6 +636,30 @@ class TracedProblem:
         callback: Callable[[int, _Floats, float, float], object] | None,
         on_interrupt: Literal["raise", "return"],
     ) -> CollocationOutcome: ...
+    def search(
+        self,
+        n_starts: int,
+        seed: int,
+        tol: float,
+        n_intervals: int | None,
+        n_points: int | None,
+        max_meshes: int,
+        max_iterations: int | None,
+        max_time: float | None,
+        on_interrupt: Literal["raise", "return"],
+    ) -> SearchResult: ...
+    @staticmethod
+    def solve_all(
+        problems: list[TracedProblem],
+        starts: list[Any],
+        tol: float,
+        n_intervals: int | None,
+        n_points: int | None,
+        max_meshes: int,
+        max_iterations: int | None,
+        max_time: float | None,
+        on_interrupt: Literal["raise", "return"],
+    ) -> list[CollocationOutcome | None]: ...
     def sensitivity(self, solution: CollocationResult) -> SolutionSensitivity: ...
 
 @final

@@ -235,6 +235,10 @@ def tree_configuration(
     >>> len(ax.patches) >= diver.model.n_bodies
     True
     """
+    if not isinstance(model, somersault.Model):
+        raise TypeError(f"`model` must be a Model, found {type(model).__name__}")
+    if not isinstance(view, str) or len(view) != 2 or len(set(view) & set("xyz")) != 2:
+        raise InputError(f"`view` must be two of the axes x, y and z, found {view!r}")
     ax = ax or plt.figure(figsize=(4.0, 6.0), layout="constrained").add_subplot()
     right, up = ("xyz".index(axis) for axis in view)
     page = np.eye(3)[[right, up]]

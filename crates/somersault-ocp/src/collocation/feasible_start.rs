@@ -41,7 +41,7 @@ impl Phase {
 }
 
 /// The horizons of the guesses, all times after the first multiplied by `factor` as far as the bounds allow it.
-fn horizons(problem: &Problem, factor: f64) -> Vec<(f64, f64)> {
+pub(super) fn horizons(problem: &Problem, factor: f64) -> Vec<(f64, f64)> {
     let guesses = || problem.phases.iter().filter_map(|phase| phase.guess.as_ref().map(Guess::interval));
     let origin = guesses().next().map_or(0.0, |(start, _)| start);
     let moved = |time: f64, bounds: &Interval| bounds.clamp(origin + factor * (time - origin));

@@ -1,8 +1,10 @@
 //! Many starts, and their results.
 
 use super::arguments::tolerance;
+use super::collocation::CollocationOutcome;
 use super::solver::Report;
 use super::verification::Verifier;
+use crate::core::convert::a_type;
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, value};
 use crate::core::waiting::{Cancellation, attend, deliver};
@@ -49,16 +51,26 @@ impl<S: NlpSolver + Send + Sync> SearchArguments<S> {
 /// Result of a search from many starts.
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct SearchResult {
-    minima: Vec<Py<Report>>,
+    minima: Vec<Py<PyAny>>,
     /// list of list of int: Numbers of the starts that led to each minimum.
     #[pyo3(get)]
     starts: Vec<Vec<usize>>,
-    unfinished: Vec<Py<Report>>,
+    unfinished: Vec<Py<PyAny>>,
     failures: Vec<(usize, String)>,
     status: String,
 }
 
 impl SearchResult {
+    pub(crate) fn new(
+        minima: Vec<Py<PyAny>>,
+        starts: Vec<Vec<usize>>,
+        unfinished: Vec<Py<PyAny>>,
+        failures: Vec<(usize, String)>,
+        status: String,
+    ) -> Self {
+        Self { minima, starts, unfinished, failures, status }
+    }
+
     fn of(
         py: Python<'_>,
         found: MultiStartReport,
@@ -78,7 +90,7 @@ impl SearchResult {
                 report.status = Status::TimeLimit;
             }
             let verifier = verifier(&report);
-            Py::new(py, Report { report, verifier })
+            Ok(Py::new(py, Report { report, verifier })?.into_any())
         };
         let unfinished: Vec<nlp::Report> = found.unfinished().into_iter().cloned().collect();
         let mut search = Self {
@@ -112,7 +124,7 @@ impl SearchResult {
     }
 }
 
-fn all(py: Python<'_>, reports: &[Py<Report>]) -> Vec<Py<Report>> {
+fn all(py: Python<'_>, reports: &[Py<PyAny>]) -> Vec<Py<PyAny>> {
     reports.iter().map(|report| report.clone_ref(py)).collect()
 }
 
@@ -123,11 +135,11 @@ value! {
         status: &str = |own| &own.status;
         /// bool: Whether there is a minimum.
         success: bool = |own| !own.minima.is_empty();
-        /// list of Report: Distinct minima, that of lowest cost first.
-        minima: Vec<Py<Report>> = |own, py| all(py, &own.minima);
-        /// list of Report: Best iterates of starts that did not get to a minimum, best first: feasible ones by their costs, then
-        /// others by their violations.
-        unfinished: Vec<Py<Report>> = |own, py| all(py, &own.unfinished);
+        /// list of Report, CollocationResult or MultiphaseResult: Distinct minima, that of lowest cost first.
+        minima: Vec<Py<PyAny>> = |own, py| all(py, &own.minima);
+        /// list: Best iterates of starts that did not get to a minimum, best first: feasible ones by their costs, then others by
+        /// their violations; of a collocated problem by their violations.
+        unfinished: Vec<Py<PyAny>> = |own, py| all(py, &own.unfinished);
         /// list of tuple: Number of each start that led to no minimum, and why.
         failures: Vec<(usize, String)> = |own| own.failures.clone();
     }
@@ -135,9 +147,9 @@ value! {
 
 #[pymethods]
 impl SearchResult {
-    /// Report: The local minimum with the lowest cost; if no start converged, the best iterate of all starts.
+    /// Report, CollocationResult or MultiphaseResult: The local minimum with the lowest cost; if no start converged, the best iterate of all starts.
     #[getter]
-    fn best(&self, py: Python<'_>) -> Result<Py<Report>, Error> {
+    fn best(&self, py: Python<'_>) -> Result<Py<PyAny>, Error> {
         match self.minima.first().or(self.unfinished.first()) {
             Some(report) => Ok(report.clone_ref(py)),
             None => Err(Error::evaluation("no start led to an iterate; see `failures`")),
@@ -170,9 +182,9 @@ impl SearchResult {
     #[classmethod]
     fn _restore(
         _: &Bound<'_, PyType>,
-        minima: Vec<Py<Report>>,
+        minima: Vec<Bound<'_, PyAny>>,
         starts: Vec<Vec<usize>>,
-        unfinished: Vec<Py<Report>>,
+        unfinished: Vec<Bound<'_, PyAny>>,
         failures: Vec<(usize, String)>,
         status: String,
     ) -> Result<Self, Error> {
@@ -180,6 +192,15 @@ impl SearchResult {
             let (n, found) = (minima.len(), starts.len());
             return Err(Error::input(format!("`starts` must have {n} entries, found {found}")));
         }
-        Ok(Self { minima, starts, unfinished, failures, status })
+        for found in minima.iter().chain(&unfinished) {
+            if !(found.is_instance_of::<Report>() || found.is_instance_of::<CollocationOutcome>()) {
+                let found = a_type(found);
+                return Err(Error::input(format!(
+                    "`minima` and `unfinished` must hold results, found {found}"
+                )));
+            }
+        }
+        let unbound = |all: Vec<Bound<'_, PyAny>>| all.into_iter().map(Bound::unbind).collect();
+        Ok(Self::new(unbound(minima), starts, unbound(unfinished), failures, status))
     }
 }

@@ -104,7 +104,7 @@ impl CollocationOutcome {
     /// str: The status in a sentence, and another where bounds or path constraints are exceeded by more than the tolerance
     /// between the collocation points or at an end, where they are not required: what, by how much and when.
     #[getter]
-    fn message(&self) -> String {
+    pub(super) fn message(&self) -> String {
         let defect = self.max_defect();
         let said = match self.report.status {
             CollocationStatus::Converged => {

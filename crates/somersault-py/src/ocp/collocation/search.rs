@@ -22,15 +22,55 @@ const DEFAULT_SIZES: (i64, i64) = (20, 3);
 /// How long Ctrl-C waits for the iteration under way and its result, on fine meshes without success.
 const PATIENCE: Duration = Duration::from_millis(400);
 
-/// How a search is to go.
-pub(super) struct SearchOptions<'a, 'py> {
+/// Tolerance, meshes and limits, as Python gives them.
+pub(super) struct Settings {
     pub(super) tol: f64,
     /// Intervals of the first mesh of each phase, and points of each. Those of a solution to start from unless given.
     pub(super) sizes: [Option<i64>; 2],
-    /// Where the search starts, if it is no guess.
-    pub(super) solution: Option<Arc<CollocationReport>>,
     pub(super) max_meshes: i64,
     pub(super) max_iterations: Option<i64>,
+}
+
+impl Settings {
+    /// Whether a search that starts from a solution takes its mesh.
+    pub(super) fn keeps_mesh(&self) -> bool {
+        self.sizes == [None, None]
+    }
+
+    /// The method, with a limit of time on each mesh, and the first mesh of each phase.
+    pub(super) fn collocation(&self, max_time: Option<Duration>) -> Result<(Collocation, Mesh), Error> {
+        let default = Collocation::default();
+        tolerance("tol", Some(self.tol))?;
+        let most = limit("max_iterations", self.max_iterations, 0)?;
+        let [n_intervals, n_points] = self.sizes;
+        let (n_intervals, n_points) = (
+            count("n_intervals", n_intervals.unwrap_or(DEFAULT_SIZES.0), 1)?,
+            count("n_points", n_points.unwrap_or(DEFAULT_SIZES.1), 1)?,
+        );
+        let collocation = Collocation {
+            tolerance: self.tol,
+            max_meshes: count("max_meshes", self.max_meshes, 1)?,
+            solver: Sqp {
+                max_iterations: most.unwrap_or(default.solver.max_iterations),
+                max_time,
+                ..default.solver
+            },
+            ..default
+        };
+        if n_intervals.saturating_mul(n_points) > MOST_POINTS || n_points > 500 {
+            return Err(Error::input(format!(
+                "`n_intervals` × `n_points` must be at most {MOST_POINTS} and `n_points` at most 500, found {n_intervals} × {n_points}"
+            )));
+        }
+        Ok((collocation, Mesh::try_uniform(n_intervals, n_points)?))
+    }
+}
+
+/// How one search is to go.
+pub(super) struct SearchOptions<'a, 'py> {
+    pub(super) settings: Settings,
+    /// Where the search starts, if it is no guess.
+    pub(super) solution: Option<Arc<CollocationReport>>,
     pub(super) max_time: Option<f64>,
     pub(super) callback: Option<&'a Bound<'py, PyAny>>,
     pub(super) on_interrupt: &'a str,
@@ -46,31 +86,9 @@ impl SearchOptions<'_, '_> {
         result: impl FnOnce(CollocationReport) -> Result<Py<R>, Error>,
     ) -> Result<Py<R>, Error> {
         let returned = returns_interrupted(self.on_interrupt)?;
-        let default = Collocation::default();
-        tolerance("tol", Some(self.tol))?;
-        let most = limit("max_iterations", self.max_iterations, 0)?;
-        let [n_intervals, n_points] = self.sizes;
-        let again = self.solution.filter(|_| n_intervals.is_none() && n_points.is_none());
-        let (n_intervals, n_points) = (
-            count("n_intervals", n_intervals.unwrap_or(DEFAULT_SIZES.0), 1)?,
-            count("n_points", n_points.unwrap_or(DEFAULT_SIZES.1), 1)?,
-        );
-        let collocation = Collocation {
-            tolerance: self.tol,
-            max_meshes: count("max_meshes", self.max_meshes, 1)?,
-            solver: Sqp {
-                max_iterations: most.unwrap_or(default.solver.max_iterations),
-                max_time: duration(self.max_time)?,
-                ..default.solver
-            },
-            ..default
-        };
-        if n_intervals.saturating_mul(n_points) > MOST_POINTS || n_points > 500 {
-            return Err(Error::input(format!(
-                "`n_intervals` × `n_points` must be at most {MOST_POINTS} and `n_points` at most 500, found {n_intervals} × {n_points}"
-            )));
-        }
-        let meshes = vec![Mesh::try_uniform(n_intervals, n_points)?; n_phases];
+        let (collocation, mesh) = self.settings.collocation(duration(self.max_time)?)?;
+        let again = self.solution.filter(|_| self.settings.keeps_mesh());
+        let meshes = vec![mesh; n_phases];
         let (mut problem, mut watcher) = (problem()?, Watcher::new(self.callback)?);
         let search = move |token: &CancellationToken| {
             let mut look = |iteration: &Iteration<'_>| -> Flow {

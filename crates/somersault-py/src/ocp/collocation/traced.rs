@@ -1,14 +1,21 @@
 //! A problem of optimal control whose functions were traced, of one phase or several.
 
+use super::many::{Job, solve_many};
 use super::phase::{TracedPhase, named};
 use super::result::Subject;
-use super::search::SearchOptions;
+use super::search::{SearchOptions, Settings};
 use super::{CollocationOutcome, CollocationResult, MultiphaseResult, SolutionSensitivity};
 use crate::core::convert::{integer, integer_or_none};
 use crate::core::error::Error;
-use crate::core::waiting::leave_on_signal;
+use crate::core::waiting::{deliver, leave_on_signal, returns_interrupted};
+use crate::ocp::arguments::{count, seed_of};
+use crate::ocp::search::SearchResult;
 use pyo3::prelude::*;
-use somersault::ocp::collocation::{End, Guess, Interval, Linkage, PhaseSolution, Place, Problem, Quantity};
+use somersault::ocp::collocation::{
+    CollocationReport, CollocationStatus, End, Guess, Interval, Linkage, PhaseSolution, Place, Problem,
+    Quantity, distinct,
+};
+use std::sync::Arc;
 
 /// What `ControlProblem` and `MultiphaseProblem` pose, once functions are traced.
 #[pyclass(frozen, module = "somersault.ocp")]
@@ -18,6 +25,9 @@ pub(crate) struct TracedProblem {
     /// None for a problem of one phase, whose result is that of the phase.
     linkages: Option<Vec<Linkage>>,
 }
+
+/// Starts of a search, at most.
+const MOST_STARTS: usize = 10_000;
 
 /// Where a search starts.
 #[derive(FromPyObject)]
@@ -32,6 +42,19 @@ enum Given<'py> {
     Result(Bound<'py, CollocationResult>),
     /// Times, states, controls and parameters.
     Rows(Vec<f64>, Vec<Vec<f64>>, Vec<Vec<f64>>, Vec<f64>),
+}
+
+impl Origin<'_> {
+    /// Guesses of the phases, and a solution that they are of.
+    fn read(self) -> (Vec<Guess>, Option<Arc<CollocationReport>>) {
+        match self {
+            Self::Guesses(guesses) => (guesses.into_iter().map(guess_of).collect(), None),
+            Self::Solution(solution) => {
+                let report = &solution.get().report;
+                (report.phases.iter().map(PhaseSolution::to_guess).collect(), Some(report.clone()))
+            }
+        }
+    }
 }
 
 fn guess_of(given: Given<'_>) -> Guess {
@@ -75,8 +98,24 @@ impl TracedProblem {
             .map_err(|error| named(error.into()))
     }
 
-    fn subjects(&self) -> Vec<Subject> {
-        self.phases.iter().map(|phase| phase.get().subject.clone()).collect()
+    /// A report as what Python sees of it: of one phase, or of several.
+    fn result(
+        &self,
+        py: Python<'_>,
+        report: CollocationReport,
+        tol: f64,
+    ) -> Result<Py<CollocationOutcome>, Error> {
+        let subjects: Vec<Subject> = self.phases.iter().map(|phase| phase.get().subject.clone()).collect();
+        match (&self.linkages, subjects.as_slice()) {
+            (None, [subject]) => {
+                let found = CollocationResult::of(py, report, subject.clone(), tol)?;
+                Ok(found.into_bound(py).into_super().unbind())
+            }
+            _ => {
+                let found = MultiphaseResult::of(py, &subjects, report, tol)?;
+                Ok(found.into_bound(py).into_super().unbind())
+            }
+        }
     }
 }
 
@@ -123,37 +162,114 @@ impl TracedProblem {
         callback: Option<&Bound<'_, PyAny>>,
         on_interrupt: &str,
     ) -> Result<Py<CollocationOutcome>, Error> {
-        let sizes = [n_intervals, n_points];
-        let (guesses, solution) = match start {
-            Origin::Guesses(guesses) => (guesses.into_iter().map(guess_of).collect(), None),
-            Origin::Solution(solution) => {
-                let report = &solution.get().report;
-                (report.phases.iter().map(PhaseSolution::to_guess).collect(), Some(report.clone()))
-            }
-        };
-        let options = SearchOptions {
-            tol,
-            sizes,
-            solution,
-            max_meshes,
-            max_iterations,
-            max_time,
-            callback,
-            on_interrupt,
-        };
+        let (guesses, solution) = start.read();
+        let settings = Settings { tol, sizes: [n_intervals, n_points], max_meshes, max_iterations };
+        let options = SearchOptions { settings, solution, max_time, callback, on_interrupt };
         let problem = || self.problem(guesses);
-        let subjects = self.subjects();
-        let found = |report| match (&self.linkages, subjects.as_slice()) {
-            (None, [subject]) => {
-                let found = CollocationResult::of(py, report, subject.clone(), tol)?;
-                Ok(found.into_bound(py).into_super().unbind())
+        options.run(py, self.phases.len(), problem, |report| self.result(py, report, tol))
+    }
+
+    /// As `ControlProblem.search` and `MultiphaseProblem.search`.
+    #[pyo3(signature = (
+        n_starts, seed, tol, n_intervals, n_points, max_meshes, max_iterations, max_time, on_interrupt
+    ))]
+    fn search(
+        &self,
+        py: Python<'_>,
+        #[pyo3(from_py_with = integer)] n_starts: i64,
+        #[pyo3(from_py_with = integer)] seed: i64,
+        tol: f64,
+        #[pyo3(from_py_with = integer_or_none)] n_intervals: Option<i64>,
+        #[pyo3(from_py_with = integer_or_none)] n_points: Option<i64>,
+        #[pyo3(from_py_with = integer)] max_meshes: i64,
+        #[pyo3(from_py_with = integer_or_none)] max_iterations: Option<i64>,
+        max_time: Option<f64>,
+        on_interrupt: &str,
+    ) -> Result<SearchResult, Error> {
+        let returned = returns_interrupted(on_interrupt)?;
+        let settings = Settings { tol, sizes: [n_intervals, n_points], max_meshes, max_iterations };
+        let (n, seed) = (count("n_starts", n_starts, 1)?, seed_of(seed)?);
+        if n > MOST_STARTS {
+            return Err(Error::input(format!("`n_starts` must be at most {MOST_STARTS}, found {n}")));
+        }
+        let guesses = self.problem(Vec::new())?.random_guesses(n, seed);
+        let job = |k: usize| -> Result<Job, Error> { Ok((self.problem(guesses[k].clone())?, None)) };
+        let many = solve_many(py, &settings, max_time, n, job)?;
+        let (mut solved, mut others, mut failures) = (Vec::new(), Vec::new(), Vec::new());
+        for (start, outcome) in many.outcomes.into_iter().enumerate() {
+            match outcome {
+                Some(Ok(report)) if report.status == CollocationStatus::Converged => {
+                    solved.push((start, report))
+                }
+                Some(Ok(report)) => others.push((start, report)),
+                Some(Err(error)) => failures.push((start, PyErr::from(error).value(py).to_string())),
+                None => failures.push((start, "not begun".to_owned())),
             }
-            _ => {
-                let found = MultiphaseResult::of(py, &subjects, report, tol)?;
-                Ok(found.into_bound(py).into_super().unbind())
-            }
+        }
+        let has_ended = many.raised.is_none() && !many.is_late;
+        let status = match (has_ended, many.is_late, solved.is_empty()) {
+            (true, _, false) => "converged",
+            (true, _, true) => "no_minimum",
+            (false, true, _) => "time_limit",
+            (false, false, _) => "interrupted",
         };
-        options.run(py, subjects.len(), problem, found)
+        others.sort_by(|(_, a), (_, b)| {
+            let violation = |report: &CollocationReport| report.program.residuals.feasibility;
+            violation(a).total_cmp(&violation(b))
+        });
+        let (mut minima, mut starts, mut unfinished) = (Vec::new(), Vec::new(), Vec::new());
+        for (report, from) in distinct(solved) {
+            minima.push(self.result(py, report, tol)?.into_any());
+            starts.push(from);
+        }
+        for (start, report) in others {
+            let result = self.result(py, report, tol)?;
+            failures.push((start, result.get().message()));
+            unfinished.push(result.into_any());
+        }
+        failures.sort_by_key(|(start, _)| *start);
+        let found = SearchResult::new(minima, starts, unfinished, failures, status.to_owned());
+        deliver(py, many.raised, returned, found)
+    }
+
+    /// As `solve_batch`.
+    #[staticmethod]
+    #[pyo3(signature = (
+        problems, starts, tol, n_intervals, n_points, max_meshes, max_iterations, max_time, on_interrupt
+    ))]
+    fn solve_all(
+        py: Python<'_>,
+        problems: Vec<Py<Self>>,
+        starts: Vec<Origin<'_>>,
+        tol: f64,
+        #[pyo3(from_py_with = integer_or_none)] n_intervals: Option<i64>,
+        #[pyo3(from_py_with = integer_or_none)] n_points: Option<i64>,
+        #[pyo3(from_py_with = integer)] max_meshes: i64,
+        #[pyo3(from_py_with = integer_or_none)] max_iterations: Option<i64>,
+        max_time: Option<f64>,
+        on_interrupt: &str,
+    ) -> Result<Vec<Option<Py<CollocationOutcome>>>, Error> {
+        let returned = returns_interrupted(on_interrupt)?;
+        let settings = Settings { tol, sizes: [n_intervals, n_points], max_meshes, max_iterations };
+        let starts: Vec<_> = starts.into_iter().map(Origin::read).collect();
+        if starts.len() != problems.len() {
+            let (n, found) = (problems.len(), starts.len());
+            return Err(Error::input(format!("`guesses` must have {n} entries, found {found}")));
+        }
+        let job = |k: usize| -> Result<Job, Error> {
+            let (guesses, solution) = &starts[k];
+            Ok((problems[k].get().problem(guesses.clone())?, solution.clone()))
+        };
+        let many = solve_many(py, &settings, max_time, problems.len(), job)?;
+        let each = problems.iter().zip(many.outcomes).enumerate();
+        let found = each
+            .map(|(k, (problem, outcome))| {
+                let Some(outcome) = outcome else { return Ok(None) };
+                let report = outcome.map_err(|error| error.within(&format!("problems[{k}]")))?;
+                problem.get().result(py, report, tol).map(Some)
+            })
+            .collect::<Result<Vec<_>, Error>>()?;
+        deliver(py, many.raised, returned, found)
     }
 
     /// As `ControlProblem.sensitivity`.

@@ -1,0 +1,70 @@
+//! Many solves at once, on all threads.
+
+use super::NAMES;
+use super::search::Settings;
+use crate::core::error::Error;
+use crate::core::waiting::{Cancellation, attend};
+use crate::ocp::solver::deadline;
+use pyo3::prelude::*;
+use rayon::prelude::*;
+use somersault::nlp::{Flow, Iteration, Status};
+use somersault::ocp::collocation::{CollocationReport, CollocationStatus, Problem};
+use std::sync::Arc;
+
+/// Results of all solves.
+pub(super) struct Many {
+    /// None where it had not begun when all were to end.
+    pub(super) outcomes: Vec<Option<Result<CollocationReport, Error>>>,
+    /// What a handler of signals raised meanwhile.
+    pub(super) raised: Option<PyErr>,
+    /// Whether the time was over.
+    pub(super) is_late: bool,
+}
+
+/// A problem, and the solution of a like one to start from.
+pub(super) type Job = (Problem, Option<Arc<CollocationReport>>);
+
+/// Solves problems in parallel, without the interpreter, until all are solved, the time is over or a signal comes.
+pub(super) fn solve_many(
+    py: Python<'_>,
+    settings: &Settings,
+    max_time: Option<f64>,
+    n: usize,
+    make: impl Fn(usize) -> Result<Job, Error> + Sync,
+) -> Result<Many, Error> {
+    let (collocation, mesh) = settings.collocation(None)?;
+    let cancellation = Cancellation::at(deadline(max_time)?);
+    let token = &cancellation.token;
+    let solve = |k: usize| -> Result<CollocationReport, Error> {
+        let (mut problem, solution) = make(k)?;
+        let look = &mut |_: &Iteration<'_>| if token.is_cancelled() { Flow::Stop } else { Flow::Continue };
+        let found = match solution.filter(|_| settings.keeps_mesh()) {
+            Some(solution) => collocation.solve_again(&mut problem, &solution, look, token),
+            None => {
+                let meshes = vec![mesh.clone(); problem.n_phases()];
+                collocation.solve_cancellable(&mut problem, &meshes, look, token)
+            }
+        };
+        found.map_err(|error| Error::from(error).with_names(&NAMES))
+    };
+    // one problem to a job: some take a hundred times as long as others
+    let all = || {
+        let each = (0..n).into_par_iter().with_max_len(1);
+        each.map(|k| (!token.is_cancelled()).then(|| solve(k))).collect::<Vec<_>>()
+    };
+    let mut outcomes = attend(py, |raised| cancellation.raise(raised), all)?;
+    let raised = cancellation.raised().map(|raised| raised.clone_ref(py));
+    let is_late = raised.is_none() && token.has_expired();
+    let ended = if is_late { Status::TimeLimit } else { Status::Interrupted };
+    for report in outcomes.iter_mut().flatten().flatten() {
+        if let CollocationStatus::NotSolved(status @ (Status::Stopped | Status::Interrupted)) =
+            &mut report.status
+        {
+            *status = ended;
+        }
+        if matches!(report.program.status, Status::Stopped | Status::Interrupted) {
+            report.program.status = ended;
+        }
+    }
+    Ok(Many { outcomes, raised, is_late })
+}
