@@ -205,8 +205,12 @@ def _called(argument: str, function: Any, names: Sequence[str]) -> Callable[...,
         return cast("Callable[..., Any]", function)
     if any(each.kind is inspect.Parameter.VAR_POSITIONAL for each in parameters):
         return cast("Callable[..., Any]", function)
-    n = sum(each.kind in kinds for each in parameters)
-    required = sum(each.kind in kinds and each.default is inspect.Parameter.empty for each in parameters)
+    positional = [each for each in parameters if each.kind in kinds]
+    required = sum(each.default is inspect.Parameter.empty for each in positional)
+    # a default of another name is the user's own, as in `lambda x, u, k=k: ...`
+    n = required
+    while n < min(len(positional), len(names)) and positional[n].name == names[n]:
+        n += 1
     if required > len(names):
         raise InputError(
             f"`{argument}` must take ({', '.join(names)}) or fewer of them, found {required} arguments"

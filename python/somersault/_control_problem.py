@@ -30,7 +30,7 @@ from somersault._control_arguments import (
 )
 from somersault._somersault import ocp as _extension
 from somersault._somersault.multibody import Model
-from somersault._somersault.ocp import CollocationResult, SearchResult, SolutionSensitivity
+from somersault._somersault.ocp import CollocationResult, PolishResult, SearchResult, SolutionSensitivity
 from somersault.errors import InputError
 
 __all__ = ["ControlProblem"]
@@ -48,7 +48,8 @@ class ControlProblem:
 
     Each function is called once, with symbols: its expressions are differentiated exactly and evaluated
     without the interpreter. `x`, `u` and `p` are arrays whose entries also are attributes by their names; a
-    function takes as many arguments as it needs, from the left.
+    function takes as many arguments as it needs, from the left; arguments of other names that have a default
+    keep it.
 
     Parameters
     ----------
@@ -385,6 +386,53 @@ class ControlProblem:
         return self._posed.search(
             n_starts, seed, tol, n_intervals, n_points, max_meshes, max_iterations, max_time, on_interrupt
         )
+
+    def polish(self, found: CollocationResult, *, max_time: float | None = None) -> PolishResult:
+        """Finds the arcs of a solution, makes them exact, and certifies what it is.
+
+        Where controls are at their bounds, between them or singular, and where states are at bounds, follows
+        from the costates of the solution. Junctions become unknowns of their own, multiple shooting of states
+        and costates solves for them to 10⁻¹⁰ and better, and a certificate tests the result: the Hamiltonian,
+        the signs of multipliers and switching functions along each arc, the conditions of Legendre and
+        Clebsch and of Kelley, and conditions of second order: conjugate points, or the switching times.
+
+        Parameters
+        ----------
+        found : CollocationResult
+            The result of this problem, whose dynamics are a function.
+        max_time : float, optional
+            s.
+
+        Returns
+        -------
+        PolishResult
+            Where no arcs are found its verdict is ``'refused'``, `message` says why, and its motion is that
+            of `found`.
+
+        Raises
+        ------
+        somersault.errors.InputError
+            If `found` is of another problem, or the dynamics are those of a tree.
+
+        Examples
+        --------
+        Bryson and Denham's problem, ½ ∫ u² from x = 0, v = 1 back in one second below x = 0.1, costs 4/0.9:
+
+        >>> from somersault import ocp
+        >>> problem = ocp.ControlProblem(
+        ...     lambda x, u: [x.v, u.force], states=("x", "v"), controls=("force",), initial=[0, 1],
+        ...     final=[0, -1], bounds={"x": (None, 0.1)}, running_cost=lambda x, u: 0.5 * u.force**2)
+        >>> exact = problem.polish(problem.solve(tol=1e-4))
+        >>> exact.verdict, round(exact.cost, 9), exact.junctions.round(9)
+        ('first_order', 4.444444444, array([0.3, 0.7]))
+        >>> [arc["bound"] for arc in exact.arcs]
+        [None, 'x', None]
+        """
+        if not isinstance(found, CollocationResult):
+            raise TypeError(f"`found` must be a CollocationResult, found {_article(type(found).__name__)}")
+        if self._tree:
+            raise InputError("`dynamics` must be a function for `polish`, found a Model")
+        return self._posed.polish(found, max_time)
 
     def sensitivity(self, found: CollocationResult) -> SolutionSensitivity:
         """Derivatives of a solution with respect to what the problem gives.

@@ -281,6 +281,7 @@ TracedPhase.of_tree(double.model, ["mass"])
 traced = TracedProblem([phase], [[(0.0, 0.0), (1.0, 1.0)]], None)
 traced_result = traced.solve([], 1e-3, 4, 3, 2, 20, None, None, "raise")
 traced.sensitivity(traced_result)
+traced.polish(traced_result, 1.0)
 traced.search(2, 1, 1e-3, 4, 3, 2, 20, 1.0, "raise")
 TracedProblem.solve_all([traced], [[]], 1e-3, 4, 3, 2, 20, 1.0, "raise")
 traced.solve(traced_result, 1e-3, None, None, 2, 20, None, None, "raise")
@@ -299,6 +300,11 @@ thrown.replace(
 )
 loop = ocp.ControlProblem(double.model, initial=[0, 0], final=[1, 0], running_cost=lambda x, u: u[0] ** 2)
 loop.sensitivity(loop.solve(tol=1e-3, n_intervals=4)).predict({"final.q_mass": 0.1, "duration": 0.1})
+polished = thrown.polish(thrown.solve(tol=1e-3, n_intervals=4, max_meshes=2), max_time=1.0)
+for history in (polished.state, polished.control, polished.costate):
+    history([0.6, 0.7])
+for history in (polished.switching, polished.hamiltonian):
+    history(0.6)
 thrown.search(2, seed=1, tol=1e-3, n_intervals=4, n_points=3, max_meshes=2, max_iterations=20, max_time=1.0)
 ocp.solve_batch(
     [thrown], [None], tol=1e-3, n_intervals=4, n_points=3, max_meshes=2, max_iterations=20, max_time=1.0

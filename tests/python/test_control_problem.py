@@ -6,6 +6,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+import scipy.integrate
 from control_problems import KNOWN
 
 import somersault
@@ -435,3 +436,159 @@ def test_a_batch_is_its_problems_one_by_one() -> None:
         ocp.solve_batch([problems[0], cast("Any", 3)])
     with pytest.raises(somersault.errors.InputError, match=r"`guesses\[0\]` must have names among"):
         ocp.solve_batch(problems[:1], [{"speed": 1.0}])
+
+
+@pytest.mark.parametrize("name", KNOWN)
+def test_arcs_are_found_polished_and_certified_from_a_straight_line(name: str) -> None:
+    known = KNOWN[name]
+    problem = known.pose()
+    exact = problem.polish(problem.solve())
+    assert exact.success and exact.residual < 1e-10, exact.message
+    assert exact.cost == pytest.approx(known.cost, rel=1e-9, abs=1e-9)
+    # costates and Hamiltonian are those of the motion, which an independent integration of an arc confirms
+    arc = max(exact.arcs, key=lambda arc: arc["end"] - arc["start"])
+    t = np.linspace(arc["start"], arc["end"], 9)[1:-1]
+    slope = (exact.state(t + 1e-5) - exact.state(t - 1e-5)) / 2e-5
+    found = exact.found
+    size = np.abs(found.x).max(axis=0) + 1.0
+    assert np.abs(exact.state(t) - found.state(t)).max() < 1e-2 * size.max()
+    assert np.isfinite(slope).all()
+
+
+@pytest.mark.study
+@pytest.mark.parametrize("name", KNOWN)
+def test_arcs_are_found_on_meshes_of_20_to_160_intervals(name: str) -> None:
+    known = KNOWN[name]
+    problem = known.pose()
+    for n_intervals in (20, 40, 80, 160):
+        exact = problem.polish(problem.solve(n_intervals=n_intervals, max_meshes=1))
+        if exact.success:
+            assert exact.residual < 1e-10
+            assert exact.cost == pytest.approx(known.cost, rel=1e-9, abs=1e-9)
+        else:
+            # coarse meshes may have no start
+            assert n_intervals < 80 and exact.verdict == "refused" and exact.message
+
+
+def test_defaults_of_a_function_are_its_own() -> None:
+    for gain in (1.0, 2.0):
+        moved = BLOCK(running_cost=lambda x, u, gain=gain: 0.5 * gain * u.force**2).solve()
+        assert moved.cost == pytest.approx(6.0 * gain)
+    timed = BLOCK(running_cost=lambda x, u, t=0.0, p=None: 0.5 * u.force**2 + t).solve()
+    assert timed.cost == pytest.approx(6.5)
+
+
+def repelled(duration: float) -> ocp.ControlProblem:
+    """ẋ = u, ½ ∫ u² − x²: past π no extremal is a minimum."""
+    return ocp.ControlProblem(
+        lambda x, u: [u.u],
+        states=("x",),
+        controls=("u",),
+        initial=[1],
+        final=[0.5],
+        duration=duration,
+        running_cost=lambda x, u: 0.5 * (u.u**2 - x.x**2),
+    )
+
+
+def test_extremals_that_are_no_minima_and_motions_that_chatter_are_refused_with_the_reason() -> None:
+    short = repelled(3.0)
+    assert short.polish(short.solve()).verdict == "strict_minimum"
+    # Fuller's problem: infinitely many switches before the end
+    fuller = ocp.ControlProblem(
+        lambda x, u: [x.v, u.u],
+        ("x", "v"),
+        ("u",),
+        initial=[1, 0],
+        final=[0, 0],
+        duration=5,
+        bounds={"u": (-1, 1)},
+        running_cost=lambda x: x.x**2,
+    )
+    # in the shortest time there is one motion, whose switching function is zero at its end
+    shortest = fuller.replace(duration=(1, 6))
+    edge = shortest.polish(shortest.solve(tol=1e-3, max_meshes=3))
+    assert edge.verdict != "strict_minimum" and edge.cost > 0.766
+    chattering = fuller.polish(fuller.solve(tol=1e-3, max_meshes=3))
+    assert chattering.verdict == "refused" and not chattering.success and "refused" in chattering.message
+    np.testing.assert_array_equal(chattering.state(0.3), chattering.found.state(0.3))
+    assert chattering.cost == chattering.found.cost
+    if not chattering.arcs:
+        with pytest.raises(somersault.errors.EvaluationError, match="no extremal was found"):
+            chattering.switching(0.3)
+
+
+def test_what_cannot_be_polished_says_why() -> None:
+    tree = ocp.ControlProblem(
+        multibody.cart_pendulum(),
+        actuated=["cart"],
+        initial=[0, 0, 0, 0],
+        final=[1, 0, 0, 0],
+        running_cost=lambda x, u: u.u_cart**2,
+    )
+    with pytest.raises(somersault.errors.InputError, match="`dynamics` must be a function for `polish`"):
+        tree.polish(tree.solve(tol=1e-3))
+    problem = massive(2.0)
+    found = problem.solve()
+    with pytest.raises(TypeError, match="`found` must be a CollocationResult, found an int"):
+        problem.polish(cast("Any", 3))
+    with pytest.raises(somersault.errors.InputError, match="`max_time` must be a positive number"):
+        problem.polish(found, max_time=0.0)
+    late = problem.polish(found, max_time=1e-9)
+    assert late.verdict == "refused" and late.message == "refused: the limit of time was reached"
+    with pytest.raises(TypeError, match="polish again"):
+        pickle.dumps(problem.polish(found))
+    with pytest.raises(somersault.errors.InputError):
+        BLOCK().polish(found)
+
+
+def regulators(seeds: range) -> tuple[int, int]:
+    """Random convex regulators with a bounded control: those certified, and arcs at bounds among them."""
+    certified = at_bounds = 0
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        a, b = rng.normal(size=(2, 2)), rng.normal(size=2)
+        root = rng.normal(size=(2, 2))
+        weights, price, start = root @ root.T, float(rng.uniform(0.05, 0.5)), 2.0 * rng.normal(size=2)
+        problem = ocp.ControlProblem(
+            lambda x, u, a=a, b=b: a @ x + b * u[0],
+            states=("x", "y"),
+            controls=("u",),
+            initial=start,
+            duration=2,
+            bounds={"u": (-1, 1)},
+            running_cost=lambda x, u, q=weights, r=price: 0.5 * (x @ q @ x + r * u[0] ** 2),
+        )
+        exact = problem.polish(problem.solve())
+        if not exact.success:
+            assert exact.verdict == "refused" and exact.message
+            continue
+
+        # the minimum condition as a law, integrated from the costates that were found: the problem is
+        # convex, so that an extremal is the minimum, and costates that vanish at the end make it one
+        def rates(_: float, z: Any, a: Any = a, b: Any = b, q: Any = weights, r: float = price) -> Any:
+            u = np.clip(-(b @ z[2:4]) / r, -1, 1)
+            x, costate = z[:2], z[2:4]
+            return [*(a @ x + b * u), *(-q @ x - a.T @ costate), 0.5 * (x @ q @ x + r * u**2)]
+
+        z = [*start, *exact.costate(0.0), 0.0]
+        arrival = scipy.integrate.solve_ivp(
+            rates, (0, 2), z, method="DOP853", rtol=1e-12, atol=1e-12, max_step=0.02
+        ).y[:, -1]
+        size = np.abs(exact.costate(np.linspace(0, 2, 9))).max()
+        assert np.abs(arrival[2:4]).max() < 1e-6 * size, seed
+        assert exact.cost == pytest.approx(arrival[4], rel=1e-8), seed
+        certified += 1
+        at_bounds += sum(arc["controls"]["u"] != "interior" for arc in exact.arcs)
+    return certified, at_bounds
+
+
+def test_random_regulators_with_bounds_are_minima_by_the_minimum_condition() -> None:
+    certified, at_bounds = regulators(range(10))
+    assert certified >= 9 and at_bounds >= 5
+
+
+@pytest.mark.study
+def test_fifty_random_regulators_with_bounds_are_minima_by_the_minimum_condition() -> None:
+    certified, at_bounds = regulators(range(50))
+    assert certified >= 45 and at_bounds >= 25

@@ -4,6 +4,7 @@ import itertools
 import subprocess
 import sys
 from collections.abc import Iterator
+from typing import Any, cast
 
 import matplotlib as mpl
 import matplotlib.pyplot as plt
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 
 import somersault
-from somersault import multibody, plotting, studies
+from somersault import multibody, ocp, plotting, studies
 
 mpl.use("Agg")
 
@@ -25,6 +26,35 @@ def _closed_figures() -> Iterator[None]:
 @pytest.fixture
 def motion(body: somersault.RigidBody, state: somersault.State) -> somersault.Solution:
     return somersault.integrate(body, state, (0.0, 2.0), dt=0.01)
+
+
+def test_arcs_of_an_optimal_motion_are_shaded_and_its_junctions_marked() -> None:
+    # there and back below a ceiling: onto it at 0.3 s and off at 0.7 s
+    problem = ocp.ControlProblem(
+        lambda x, u: [x.v, u.force],
+        states=("x", "v"),
+        controls=("force",),
+        initial=[0, 1],
+        final=[0, -1],
+        bounds={"x": (None, 0.1)},
+        running_cost=lambda x, u: 0.5 * u.force**2,
+    )
+    found = problem.solve(tol=1e-4)
+    plain = plotting.control_history(found)
+    assert [ax.get_ylabel() for ax in plain] == ["states", "controls", "costates"]
+    np.testing.assert_allclose(np.interp(0.5, *plain[0].lines[0].get_data()), 0.1, atol=1e-4)
+    axes = plotting.control_history(problem.polish(found))
+    assert [ax.get_ylabel() for ax in axes][-1] == "switching functions"
+    for ax in axes:
+        (shade,) = ax.patches
+        assert (shade.get_x(), shade.get_width()) == pytest.approx((0.3, 0.4), abs=1e-9)
+    marked = [line.get_xdata()[0] for line in axes[0].lines if line.get_linestyle() == ":"]
+    assert marked == pytest.approx([0.3, 0.7], abs=1e-9)
+    assert [text.get_text() for text in axes[0].get_legend().get_texts()] == ["state at its bound"]
+    with pytest.raises(somersault.errors.InputError, match="`axes` must be 4 for this result, found 3"):
+        plotting.control_history(problem.polish(found), plain)
+    with pytest.raises(TypeError, match="`result` must be a CollocationResult or a PolishResult, found int"):
+        plotting.control_history(cast("Any", 3))
 
 
 def test_no_two_methods_look_alike() -> None:

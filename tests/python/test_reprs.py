@@ -104,6 +104,11 @@ def block() -> ocp.ControlProblem:
     return ocp.ControlProblem(model, initial=[0, 0], final=[1, 0], running_cost=lambda x, u: 0.5 * u[0] ** 2)
 
 
+def thrown() -> ocp.ControlProblem:
+    effort = {"initial": [0, 0], "final": [1, 0], "running_cost": lambda x, u: 0.5 * u.force**2}
+    return ocp.ControlProblem(lambda x, u: [x.v, u.force], ("x", "v"), ("force",), **effort)
+
+
 @cache
 def moved() -> ocp.CollocationResult:
     return block().solve(tol=1e-3, n_intervals=4)
@@ -252,6 +257,7 @@ MADE: dict[str, Callable[[], Any]] = {
     "Phase": lambda: ocp.Phase(ocp.SplineMotion(1, 8), (0.5, 1.5), 20, n_segments=2),
     "Report": lambda: moved().report,
     "SearchResult": lambda: ocp.CartPendulumProblem().search(1),
+    "PolishResult": lambda: thrown().polish(thrown().solve(tol=1e-3, n_intervals=4)),
     "SolutionSensitivity": lambda: block().sensitivity(block().solve(tol=1e-3, n_intervals=4)),
     "SplineMotion": lambda: ocp.SplineMotion(2, 8),
     "SwingUpVerification": lambda: ocp.CartPendulumProblem().verify(np.zeros(5)),

@@ -238,6 +238,7 @@ WITHOUT = {
     "Shape",
     "Skeleton",
     "SkeletonJoint",
+    "PolishResult",
     "SolutionSensitivity",
     "Spectrum",
     "Sphere",

@@ -22,12 +22,14 @@ from somersault.plotting.methods import (
     style,
     work_precision_diagram,
 )
+from somersault.plotting.optimal_control import control_history
 from somersault.plotting.recordings import motion_groups
 
 __all__ = [
     "abbreviation",
     "body_motion",
     "compare_motions",
+    "control_history",
     "energy_ratios",
     "exponents",
     "gaps",

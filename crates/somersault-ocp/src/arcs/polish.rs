@@ -3,7 +3,7 @@
 use super::certificate;
 use super::ends::{EndTerms, Ends};
 use super::flow::{ArcFlow, follow};
-use super::hamiltonian::Hamiltonian;
+use super::hamiltonian::{Hamiltonian, Observables};
 use super::kind::ArcKind;
 use super::shooting::{End, Iterate, Plan, Shooting};
 use super::structure::{Impulses, Structure};
@@ -49,6 +49,10 @@ pub struct Instant {
     pub costate: Vec<f64>,
     /// u.
     pub control: Vec<f64>,
+    /// H.
+    pub hamiltonian: f64,
+    /// H_u: the switching functions of controls that H is affine in.
+    pub slopes: Vec<f64>,
 }
 
 /// What polishing left. Where the [`Verdict`] is a refusal, arcs and cost are those of the last try, if there are any.
@@ -119,8 +123,10 @@ impl Polished {
         flow.set_guess(&iterate.guesses[arc][segment]);
         let duration = (left - length * segment as f64).max(0.0);
         let point = follow(&mut flow, sizes, &iterate.nodes[arc][segment], duration, false)?.point;
-        flow.observed(&point)?;
+        let observed = flow.observed(&point)?;
         Some(Instant {
+            hamiltonian: observed[Observables::HAMILTONIAN],
+            slopes: observed[Observables::HAMILTONIAN + 1..][..*m].to_vec(),
             state: point[..*n_original].to_vec(),
             costate: point[*n..n + n_original].to_vec(),
             control: flow.guess()[..*m].to_vec(),
@@ -180,8 +186,9 @@ impl Polish {
         let measures = solution.measures();
         let path = solution.path_multipliers.iter().zip(&measures);
         let path = path.map(|(row, measure)| row.iter().map(|y| y * measure).collect()).collect();
-        let transcription = Transcription::try_new(problem, &[solution.mesh().clone()])?;
-        let mut states = transcription.state_multipliers(0, &report.program.bound_multipliers);
+        let mut transcription = Transcription::try_new(problem, &[solution.mesh().clone()])?;
+        let bound_multipliers = transcription.bound_multipliers(&report.phases, &report.program)?;
+        let mut states = transcription.state_multipliers(0, &bound_multipliers);
         states.truncate(points);
         let multipliers = transcription.rest(&report.program.constraint_multipliers).ends.swap_remove(0);
         drop(transcription);

@@ -187,22 +187,22 @@ fn switching_times(
     definiteness(&form, &rows, "changes of the switching times")
 }
 
-/// Whether switching functions are zero at switches only, and have a slope there.
+/// Whether switching functions are zero at switches only, not at an end of the motion either, and have a slope there.
 fn strict_switches(shooting: &Shooting<'_>, samples: &[Vec<Sample>]) -> Result<(), String> {
     let places = shooting.hamiltonian.observables();
     let duration = samples.last().and_then(|arc| arc.last()).map_or(1.0, |sample| sample.time);
     for i in 0..shooting.hamiltonian.m {
         let most = samples.iter().flatten().map(|s| s.observed[places.slope(i)].abs()).fold(0.0, f64::max);
+        let kind = |k: usize| shooting.plan.arcs.get(k).map(|(kind, ..)| kind.controls[i]);
+        // after arc k
+        let switches_after = |k: usize| kind(k + 1).is_some_and(|next| Some(next) != kind(k));
         for (k, arc) in samples.iter().enumerate() {
-            let inner = &arc[1..arc.len() - 1];
+            let switches = switches_after(k);
+            let first = usize::from(k > 0 && switches_after(k - 1));
+            let inner = &arc[first..arc.len() - usize::from(switches)];
             if inner.iter().any(|sample| sample.observed[places.slope(i)].abs() <= FLAT * most) {
                 return Err(format!("the switching function of control {i} touches zero on arc {k}"));
             }
-            let switches = shooting
-                .plan
-                .arcs
-                .get(k + 1)
-                .is_some_and(|(next, ..)| next.controls[i] != shooting.plan.arcs[k].0.controls[i]);
             let steep = arc.last().map_or(0.0, |sample| sample.observed[places.slope_rate(i)].abs());
             if switches && steep * duration <= SLACK * most {
                 return Err(format!(

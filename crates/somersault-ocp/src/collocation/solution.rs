@@ -11,7 +11,7 @@ use super::guess::Guess;
 use super::layout::PhaseLayout;
 use super::mesh::{Grid, GridInterval, Mesh};
 use super::transcription::Transcription;
-use somersault_nlp::{Nlp, Report, Start};
+use somersault_nlp::{Nlp, Report, Start, Structure};
 use std::ops::Deref;
 
 /// Distance of a time to its bound, relative to its size, at which that holds it.
@@ -263,6 +263,29 @@ impl Transcription<'_> {
             row += self.n_rows(k);
         }
         Ok(phases)
+    }
+
+    /// Multipliers of the bounds of all variables at a solution, in units of this transcription: what stationarity lacks at those that a
+    /// bound holds.
+    pub(crate) fn bound_multipliers(
+        &mut self,
+        solution: &[PhaseSolution],
+        program: &Report,
+    ) -> Result<Vec<f64>, CollocationError> {
+        let Start { z, constraint_multipliers, .. } = self.repeated(solution, program)?;
+        let rows = self.row_scales.len();
+        expect_length(None, "multipliers of the solution", constraint_multipliers.len(), rows)?;
+        let (mut constraints, mut slope) = (vec![0.0; rows], vec![0.0; z.len()]);
+        let mut jacobian = vec![0.0; self.structure().jacobian.n_entries()];
+        self.evaluate(&z, &mut constraints)?;
+        self.differentiate(&z, &mut slope, &mut jacobian)?;
+        let Structure { jacobian: pattern, variables, .. } = self.structure();
+        pattern.add_transposed_product(&jacobian, &constraint_multipliers, &mut slope);
+        for (i, slope) in slope.iter_mut().enumerate() {
+            let bound = if *slope > 0.0 { variables.lower[i] } else { variables.upper[i] };
+            *slope = if (z[i] - bound).abs() < slope.abs() { -*slope } else { 0.0 };
+        }
+        Ok(slope)
     }
 
     /// Multipliers of the bounds of the states of phase `k`, at each node, from those of all variables; in units of the cost

@@ -18,8 +18,8 @@ pub(crate) mod module {
 
     #[pymodule_export]
     use crate::ocp::collocation::{
-        CollocationOutcome, CollocationResult, MultiphaseResult, SolutionSensitivity, TracedPhase,
-        TracedProblem,
+        CollocationOutcome, CollocationResult, MultiphaseResult, PolishResult, SolutionSensitivity,
+        TracedPhase, TracedProblem,
     };
     #[pymodule_export]
     use crate::ocp::dive::{Dive, DiveSolution, DiveVerification, LiteralDive, dive_107b, dive_5174d};

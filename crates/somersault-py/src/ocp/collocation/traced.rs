@@ -4,13 +4,15 @@ use super::many::{Job, solve_many};
 use super::phase::{TracedPhase, named};
 use super::result::Subject;
 use super::search::{SearchOptions, Settings};
-use super::{CollocationOutcome, CollocationResult, MultiphaseResult, SolutionSensitivity};
+use super::{CollocationOutcome, CollocationResult, MultiphaseResult, PolishResult, SolutionSensitivity};
 use crate::core::convert::{integer, integer_or_none};
 use crate::core::error::Error;
-use crate::core::waiting::{deliver, leave_on_signal, returns_interrupted};
+use crate::core::waiting::{Cancellation, attend, deliver, leave_on_signal, returns_interrupted};
 use crate::ocp::arguments::{count, seed_of};
 use crate::ocp::search::SearchResult;
+use crate::ocp::solver::deadline;
 use pyo3::prelude::*;
+use somersault::ocp::arcs::{Polish, Polished, Verdict};
 use somersault::ocp::collocation::{
     CollocationReport, CollocationStatus, End, Guess, Interval, Linkage, PhaseSolution, Place, Problem,
     Quantity, distinct,
@@ -270,6 +272,31 @@ impl TracedProblem {
             })
             .collect::<Result<Vec<_>, Error>>()?;
         deliver(py, many.raised, returned, found)
+    }
+
+    /// As `ControlProblem.polish`.
+    #[pyo3(signature = (found, max_time))]
+    fn polish(
+        &self,
+        py: Python<'_>,
+        found: &Bound<'_, CollocationResult>,
+        max_time: Option<f64>,
+    ) -> Result<PolishResult, Error> {
+        let (report, subject) = (&found.get().report, self.phases[0].get().subject.clone());
+        let cancellation = Cancellation::at(deadline(max_time)?);
+        let guess = found.get().phase().to_guess();
+        let polish = || -> Result<Polished, Error> {
+            let mut problem = self.problem(vec![guess])?;
+            Ok(Polish::default().polish_cancellable(&mut problem, report, &cancellation.token)?)
+        };
+        let polished = attend(py, |raised| cancellation.raise(raised), polish)??;
+        if let Some(raised) = cancellation.raised() {
+            return Err(raised.clone_ref(py).into());
+        }
+        let is_refused = matches!(polished.verdict, Verdict::Refused { .. });
+        let is_late = is_refused && cancellation.token.has_expired();
+        let ended = is_late.then_some("the limit of time was reached");
+        Ok(PolishResult { polished, found: found.clone().unbind(), subject, ended })
     }
 
     /// As `ControlProblem.sensitivity`.
