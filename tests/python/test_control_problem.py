@@ -592,3 +592,40 @@ def test_random_regulators_with_bounds_are_minima_by_the_minimum_condition() -> 
 def test_fifty_random_regulators_with_bounds_are_minima_by_the_minimum_condition() -> None:
     certified, at_bounds = regulators(range(50))
     assert certified >= 45 and at_bounds >= 25
+
+
+def steps(problem: ocp.ControlProblem) -> tuple[ocp.CollocationResult, list[Any]]:
+    """The result, and the iterates that led to it."""
+    found: list[Any] = []
+    return problem.solve(callback=lambda _, z, *__: found.append(z.copy())), found
+
+
+@pytest.mark.parametrize(
+    "name", ["minimum fuel", "Bryson and Denham, low", "singular arc", "van der Pol", "Kelly's cart-pole"]
+)
+def test_a_start_at_ten_thousand_seconds_changes_no_digit_of_the_iterates(name: str) -> None:
+    problem = KNOWN[name].pose()
+    (here, ours), (later, theirs) = steps(problem), steps(problem.replace(start_time=1e4))
+    assert here.success and later.success and len(ours) == len(theirs)
+    for one, other in zip(ours, theirs, strict=True):
+        np.testing.assert_array_equal(one, other)
+    np.testing.assert_array_equal(here.x, later.x)
+    np.testing.assert_allclose(later.t - 1e4, here.t, atol=4e-12)
+
+
+def test_a_free_duration_far_from_zero_keeps_its_digits() -> None:
+    swung = ocp.ControlProblem(
+        lambda x, u: [x.spin, 4 * u.torque - 9.81 / 0.5 * np.sin(x.angle)],
+        states=("angle", "spin"),
+        controls=("torque",),
+        initial=[0, 0],
+        final=[np.pi, 0],
+        duration=(0.5, 5),
+        bounds={"torque": (-2, 2)},
+        running_cost=lambda x: 1.0,
+    )
+    (here, ours), (later, theirs) = steps(swung), steps(swung.replace(start_time=1e4))
+    assert len(ours) == len(theirs)
+    # bounds of the last time are rounded to 2e-12 there
+    assert max(np.abs(one - other).max() for one, other in zip(ours, theirs, strict=True)) < 1e-7
+    assert later.cost == pytest.approx(here.cost, abs=1e-11)

@@ -84,10 +84,13 @@ impl Guess {
         (self.times[0], self.times[self.times.len() - 1])
     }
 
-    /// x and u at t.
-    pub(super) fn at(&self, t: f64, state: &mut [f64], control: &mut [f64]) {
-        let i = self.times.partition_point(|&time| time <= t).clamp(1, self.times.len() - 1);
-        let fraction = ((t - self.times[i - 1]) / (self.times[i] - self.times[i - 1])).clamp(0.0, 1.0);
+    /// x and u where a fraction of the duration has passed.
+    pub(super) fn at_fraction(&self, fraction: f64, state: &mut [f64], control: &mut [f64]) {
+        let (start, end) = self.interval();
+        let passed = |time: f64| (time - start) / (end - start);
+        let i = self.times.partition_point(|&time| passed(time) <= fraction).clamp(1, self.times.len() - 1);
+        let (before, after) = (passed(self.times[i - 1]), passed(self.times[i]));
+        let fraction = ((fraction - before) / (after - before)).clamp(0.0, 1.0);
         let line = |rows: &[Vec<f64>], out: &mut [f64]| {
             for (j, x) in out.iter_mut().enumerate() {
                 *x = rows[i - 1][j] + fraction * (rows[i][j] - rows[i - 1][j]);

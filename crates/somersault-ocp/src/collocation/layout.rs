@@ -71,8 +71,10 @@ impl PhaseLayout {
 #[derive(Debug, Clone)]
 pub(super) struct Variables {
     pub(super) phases: Vec<PhaseLayout>,
-    /// Of all variables, in the units of the user.
+    /// Of all variables, in the units of the user; times are those since `origin`.
     pub(super) values: Vec<f64>,
+    /// Where times are counted from: far from zero they would lose the digits of durations.
+    pub(super) origin: f64,
     pub(super) scales: Vec<f64>,
     /// Numbers of the variables that are not fixed.
     pub(super) free: Vec<usize>,
@@ -86,11 +88,12 @@ impl Variables {
     /// Those that are fixed are decided too where `keeps_fixed`, within bounds that are equal.
     pub(super) fn new(problem: &Problem, grids: &[Grid], keeps_fixed: bool) -> Self {
         let mut phases: Vec<PhaseLayout> = Vec::new();
+        let origin = problem.phases.first().map_or(0.0, |phase| phase.bounds.initial_time.clamp(0.0));
         let (mut intervals, mut scales) = (Vec::new(), Vec::new());
         for (phase, grid) in problem.phases.iter().zip(grids) {
             let layout =
                 PhaseLayout { first: intervals.len(), sizes: phase.sizes, n_points: grid.n_points() };
-            intervals.extend(phase_intervals(phase, grid.n_points()));
+            intervals.extend(phase_intervals(phase, grid.n_points(), origin));
             scales.extend(phase_scales(phase, grid.n_points()));
             debug_assert_eq!(layout.end(), intervals.len());
             phases.push(layout);
@@ -108,7 +111,7 @@ impl Variables {
                 bounds.push(interval.lower / scales[i], interval.upper / scales[i]);
             }
         }
-        Self { phases, values, scales, free, place, bounds }
+        Self { phases, values, origin, scales, free, place, bounds }
     }
 
     /// Takes over the decision vector.
@@ -124,7 +127,7 @@ impl Variables {
     }
 }
 
-fn phase_intervals(phase: &Phase, n_points: usize) -> Vec<Interval> {
+fn phase_intervals(phase: &Phase, n_points: usize, origin: f64) -> Vec<Interval> {
     let bounds = &phase.bounds;
     let mut all = Vec::new();
     for i in 0..n_points {
@@ -132,7 +135,8 @@ fn phase_intervals(phase: &Phase, n_points: usize) -> Vec<Interval> {
         all.extend(&bounds.control);
     }
     all.extend(&bounds.final_state);
-    all.extend([bounds.initial_time, bounds.final_time]);
+    let since = |time: Interval| Interval::new(time.lower - origin, time.upper - origin);
+    all.extend([since(bounds.initial_time), since(bounds.final_time)]);
     all.extend(&bounds.parameters);
     all
 }

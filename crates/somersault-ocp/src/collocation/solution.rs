@@ -364,7 +364,8 @@ impl Transcription<'_> {
         let sizes = self.problem.phases[k].sizes;
         let n = grid.n_points();
         let slice = |first: usize, length: usize| values[first..first + length].to_vec();
-        let horizon = (values[layout.times()], values[layout.times() + 1]);
+        let origin = self.variables.origin;
+        let horizon = (origin + values[layout.times()], origin + values[layout.times() + 1]);
         let duration = horizon.1 - horizon.0;
         let costates = self.costates(k, row, multipliers);
         let mut path_multipliers = Vec::with_capacity(n);
@@ -428,13 +429,9 @@ impl Transcription<'_> {
                         let PhaseRows { states, controls, costates, path_multipliers, .. } = &solution.rows;
                         [&states[i], &controls[i], &costates[i], &path_multipliers[i]].map(Clone::clone)
                     } else {
-                        let t = solution.time(self.grids[k].fractions[i]);
-                        [
-                            solution.state(t),
-                            solution.control(t),
-                            solution.costate(t),
-                            solution.path_multiplier(t),
-                        ]
+                        let fraction = self.grids[k].fractions[i];
+                        let [state, control, costate] = solution.at_fraction(fraction);
+                        [state, control, costate, solution.path_multiplier(solution.time(fraction))]
                     };
                     let [state, control, costate, path_multiplier] = row;
                     self.set(layout.state(i), &state);
@@ -447,7 +444,8 @@ impl Transcription<'_> {
                 }
             }
             self.set(layout.state(n), &solution.states[solution.states.len() - 1]);
-            self.set(layout.times(), &[solution.horizon.0, solution.horizon.1]);
+            let origin = self.variables.origin;
+            self.set(layout.times(), &[solution.horizon.0 - origin, solution.horizon.1 - origin]);
             self.set(layout.parameters(), &solution.parameters);
             multipliers.append(&mut path);
             multipliers.extend(&rest.ends[k]);

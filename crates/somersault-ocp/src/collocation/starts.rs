@@ -30,7 +30,6 @@ fn reach(bounds: &Interval, size: f64) -> f64 {
 impl Phase {
     /// A guess about `own`, on a horizon of its own: states leave it by sines, controls run between two values.
     fn random_guess(&self, own: &Guess, horizon: (f64, f64), random: &mut SplitMix64) -> Guess {
-        let (start, end) = own.interval();
         let (bounds, sizes) = (&self.bounds, self.sizes);
         let mut waves = |bounds: &Interval, size: f64| {
             let reach = reach(bounds, size);
@@ -55,7 +54,7 @@ impl Phase {
         let (mut x, mut u) = (vec![0.0; sizes.states], vec![0.0; sizes.controls]);
         for i in 0..NODES {
             let s = i as f64 / (NODES - 1) as f64;
-            own.at(start + s * (end - start), &mut x, &mut u);
+            own.at_fraction(s, &mut x, &mut u);
             for ((x, waves), bound) in x.iter_mut().zip(&states).zip(&bounds.state) {
                 let sines =
                     waves.iter().zip(1..).map(|(a, k)| a * (f64::from(k) * PI * s).sin() / f64::from(k));

@@ -236,13 +236,14 @@ impl<'p> Transcription<'p> {
             let n = self.grids[k].n_points();
             for i in 0..=n {
                 let fraction = if i < n { self.grids[k].fractions[i] } else { 1.0 };
-                guess.at(start + fraction * (end - start), &mut state, &mut control);
+                guess.at_fraction(fraction, &mut state, &mut control);
                 self.set(layout.state(i), &state);
                 if i < n {
                     self.set(layout.control(i), &control);
                 }
             }
-            self.set(layout.times(), &[start, end]);
+            let origin = self.variables.origin;
+            self.set(layout.times(), &[start - origin, end - origin]);
             self.set(layout.parameters(), &guess.parameters);
         }
         self.variables.decision()
@@ -259,7 +260,7 @@ impl<'p> Transcription<'p> {
 
     /// (x, u, p, t) at point `i` of phase `k` into `work`.
     fn gather(&mut self, k: usize, i: usize) {
-        let Variables { phases, values, .. } = &self.variables;
+        let Variables { phases, values, origin, .. } = &self.variables;
         let (layout, sizes, s) = (&phases[k], self.problem.phases[k].sizes, self.grids[k].fractions[i]);
         let arguments = &mut self.work[k].arguments;
         let n = sizes.states + sizes.controls;
@@ -267,14 +268,17 @@ impl<'p> Transcription<'p> {
         arguments[n..n + sizes.parameters]
             .copy_from_slice(&values[layout.parameters()..][..sizes.parameters]);
         let (start, end) = (values[layout.times()], values[layout.times() + 1]);
-        arguments[n + sizes.parameters] = (1.0 - s) * start + s * end;
+        arguments[n + sizes.parameters] = origin + ((1.0 - s) * start + s * end);
     }
 
     fn gather_ends(&mut self, k: usize) {
-        let Variables { phases, values, .. } = &self.variables;
-        for (a, argument) in self.work[k].end_arguments.iter_mut().enumerate() {
-            *argument = values[phases[k].end_argument(a)];
+        let Variables { phases, values, origin, .. } = &self.variables;
+        let (layout, arguments) = (&phases[k], &mut self.work[k].end_arguments);
+        for (a, argument) in arguments.iter_mut().enumerate() {
+            *argument = values[layout.end_argument(a)];
         }
+        // t₀ and t_f are the last
+        arguments.iter_mut().rev().take(2).for_each(|time| *time += origin);
     }
 }
 
