@@ -279,6 +279,14 @@ def test_bad_laws_and_contacts_are_refused(
     raises(error, message, call)
 
 
+def test_a_pair_has_the_parts_that_it_is_made_of() -> None:
+    friction = CoulombFriction(0.3, 0.0, 10.0)
+    pair = SpherePair((2, 0), (0.1, 0.2), LAW, centers=[(0, 0, 1), (0, 1, 0)], friction=friction)
+    assert (pair.bodies, pair.radii) == ((2, 0), (0.1, 0.2))
+    np.testing.assert_array_equal(pair.centers, [(0, 0, 1), (0, 1, 0)])
+    assert (pair.law, pair.friction, pair.resistance) == (LAW, friction, None)
+
+
 def test_bad_arguments_of_a_run_are_refused(body: RigidBody, state: State) -> None:
     touching = Contact((0, 0, 0), HalfSpace(), LAW)
     pair = SpherePair((0, 2), (1, 1), LAW)

@@ -17,6 +17,7 @@ from public_names import things
 
 import somersault
 from somersault import batch, contact, exact, forces, ftla, motion, multibody, ocp, viewer
+from somersault.errors import InputError
 from somersault.viewer import film
 from somersault.viewer.results import INSTEAD, MOTIONS
 
@@ -92,11 +93,14 @@ def two() -> somersault.Solution:
     )
 
 
-def swing() -> ocp.Motion:
+def swing() -> ocp.MotionProblem:
     rest: Any = [(end, r, 0.0) for end in ("start", "finish") for r in (0, 1)]
     phase = ocp.Phase(ocp.SplineMotion(1, 8, rest), 1.0, 40)
-    problem = ocp.MotionProblem(multibody.cart_pendulum(), [0.0, np.pi], [0.0, 0.0], [phase], active=["cart"])
-    return problem.motion(np.full(problem.n_variables, 0.3))
+    up = ocp.Cost(ocp.displacement([0.0, 2.0], [1]), 1e4, at="finish")
+    effort = ocp.Cost(ocp.entries("torque", [0]))
+    return ocp.MotionProblem(
+        multibody.cart_pendulum(), [0.0, np.pi], [0.0, 0.0], [phase], active=["cart"], costs=[effort, up]
+    )
 
 
 def block(start: float = 0.0, name: str = "block") -> ocp.ControlProblem:
@@ -155,8 +159,12 @@ SHOWN: dict[str, Callable[[pytest.FixtureRequest, Path], Any]] = {
     "ContactSystem": lambda _, __: contact.rolling_disk(1.0, 0.2, LAW, FRICTION, 0.4, 2.0),
     "TreeSolution": lambda _, __: flung(),
     "TreeSolution of a flight": lambda _, __: flight(),
-    "Motion": lambda _, __: swing(),
+    "Motion": lambda _, __: swing().motion(np.full(4, 0.3)),
     "Motion of a swing-up": lambda _, __: ocp.CartPendulumProblem().motion(np.full(5, 10.0)),
+    "Report": lambda _, __: swing().solve(np.full(4, 0.3)),
+    "Report of a swing-up": lambda _, __: ocp.CartPendulumProblem().solve(),
+    "SearchResult": lambda _, __: swing().search(2, z=np.full(4, 0.3), reach=0.1),
+    "SearchResult of a block": lambda _, __: block().search(2),
     "DiveSolution": lambda request, _: request.getfixturevalue("dive"),
     "LiteralDive": lambda request, _: request.getfixturevalue("dive").literal(100),
     "CollocationResult": lambda _, __: block().solve(),
@@ -178,7 +186,7 @@ SHOWN: dict[str, Callable[[pytest.FixtureRequest, Path], Any]] = {
 }
 
 #: With `t`, or with `t` and `q`.
-ARGUMENTS = {"Model", "RigidBody", "FreeBody"}
+ARGUMENTS = {"Model", "Robot", "RigidBody", "FreeBody"}
 
 #: Classes that are no results, or hold no motion of bodies.
 WITHOUT = {
@@ -287,10 +295,16 @@ def test_every_public_class_is_drawn_or_known_to_hold_no_motion() -> None:
     ("moving", "instead"),
     [
         (ocp.dive_107b(), "a Dive does not: add what its `solve` returns"),
-        (ocp.CartPendulumProblem().solve(max_iterations=1), "a Report does not: add `motion(report.z)`"),
+        (
+            ocp.dive_107b().solve(max_iterations=1).report,
+            "this Report does not: add the result that it is of",
+        ),
         (START, "a State does not: add a Trajectory of it and its body"),
         ([], "a list does not: add each of its entries"),
-        ("diver", "must be a Model, a RigidBody, a recording or a result that holds a motion, found a str"),
+        (
+            "diver",
+            "must be a Model, a Robot, a RigidBody, a recording or a result that holds a motion, found a str",
+        ),
     ],
 )
 def test_what_holds_no_motion_says_what_to_add(moving: Any, instead: str) -> None:
@@ -347,6 +361,54 @@ def test_contacts_come_back_from_a_file(tmp_path: Path) -> None:
     somersault.save(tmp_path / "hill.som", on(hill))
     assert somersault.load(tmp_path / "hill.som").contacts is None
     assert len(two().contacts) == 2 and len(two().pairs) == 1
+
+
+def test_a_report_has_its_motion_and_keeps_it_in_a_file(tmp_path: Path) -> None:
+    problem = swing()
+    report = problem.solve(np.full(problem.n_variables, 0.3))
+    np.testing.assert_array_equal(report.motion.q, problem.motion(report.z).q)
+    somersault.save(tmp_path / "report.som", report)
+    again = somersault.load(tmp_path / "report.som")
+    np.testing.assert_array_equal(again.motion.q, report.motion.q)
+    assert again.confirmed == report.confirmed
+
+
+def test_two_balls_push_each_other_apart() -> None:
+    balls = two()
+    sent = data(viewer.Scene().add(balls))["motions"][0]
+    floor, lower, upper = ([unpacked(at["times"]), unpacked(at["forces"], 3)] for at in sent["force"])
+    np.testing.assert_array_equal(lower[0], upper[0])
+    np.testing.assert_allclose(lower[1], -upper[1])
+    pressed = upper[0][upper[1][:, 2] > 0.0]
+    assert pressed[0] == pytest.approx(balls.events[1].t, abs=1e-6) and floor[1].any()
+    # Both are drawn as the balls that touch, and the force acts half way between them.
+    assert [shape["position"] for shape in sent["shapes"]] == [[0.0, 0.0, 0.0]] * 2
+    below, above = (unpacked(at["offsets"], 3)[upper[1][:, 2] > 0.0] for at in sent["force"][1:])
+    np.testing.assert_array_equal(below, -above)
+    np.testing.assert_allclose(above[0], [0.0, 0.0, -0.1], atol=1e-6)
+
+
+def test_a_robot_is_drawn_by_the_solids_of_its_file() -> None:
+    robot = multibody.Robot.from_urdf(
+        """<robot name="arm">
+          <link name="base"><visual><geometry><box size="0.2 0.2 0.1"/></geometry></visual></link>
+          <joint name="hinge" type="continuous"><parent link="base"/><child link="rod"/></joint>
+          <link name="rod">
+            <inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial>
+            <visual><origin xyz="0 0 0.5" rpy="0 1.5707963 0"/>
+              <geometry><cylinder radius="0.05" length="1"/></geometry></visual>
+            <visual><geometry><mesh filename="rod.stl"/></geometry></visual>
+            <collision><geometry><sphere radius="9"/></geometry></collision>
+          </link>
+        </robot>"""
+    )
+    page = data(viewer.Scene().add(robot, [0.0, 1.0], [[0.0], [1.0]]))
+    shapes = page["motions"][0]["shapes"] + page["fixed"]
+    assert len(shapes) == 2 and {"lengths", "rings"} <= {key for shape in shapes for key in shape}
+    rod = next(shape for shape in shapes if "rings" in shape)
+    np.testing.assert_allclose(rod["position"], [-0.5, 0.0, 0.5], atol=1e-6)
+    with pytest.raises(InputError, match="`t` and `q` must be given beside"):
+        viewer.Scene().add(robot)
 
 
 def test_a_fit_is_drawn_in_the_size_that_was_found() -> None:

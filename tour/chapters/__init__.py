@@ -69,8 +69,8 @@ ORDER = tuple(slug for part in PARTS for slug in part.slugs)
 PICTURED = {
     "exact": "polhode",
     "contact": "top-rendered",
-    "dives": "twist-frames",
-    "divers": "diver-spatial",
+    "dives": "dive-frames",
+    "divers": "diver-planar",
     "swing_up": "swing-up-frames",
     "extremals": "extremals-paths",
 }

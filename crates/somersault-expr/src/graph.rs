@@ -289,18 +289,22 @@ impl Graph {
                 return Some(self.negative(other));
             }
         }
-        match (self.negated(x), self.negated(y)) {
-            (Some(a), Some(b)) => Some(self.multiply(a, b)),
-            (Some(a), None) => {
-                let product = self.multiply(a, y);
-                Some(self.negative(product))
-            }
-            (None, Some(b)) => {
-                let product = self.multiply(x, b);
-                Some(self.negative(product))
-            }
-            (None, None) => None,
+        self.with_sign_outside(Self::multiply, x, y)
+    }
+
+    /// A product or a quotient of arguments that are negated, without their signs; none where neither is.
+    fn with_sign_outside(
+        &mut self,
+        operation: fn(&mut Self, Expression, Expression) -> Expression,
+        x: Expression,
+        y: Expression,
+    ) -> Option<Expression> {
+        let (a, b) = (self.negated(x), self.negated(y));
+        if a.is_none() && b.is_none() {
+            return None;
         }
+        let value = operation(self, a.unwrap_or(x), b.unwrap_or(y));
+        Some(if a.is_some() && b.is_some() { value } else { self.negative(value) })
     }
 
     fn simpler_quotient(&mut self, x: Expression, y: Expression, right: Option<f64>) -> Option<Expression> {
@@ -313,18 +317,7 @@ impl Graph {
             let inverse = self.constant(divisor.recip());
             return Some(self.multiply(x, inverse));
         }
-        match (self.negated(x), self.negated(y)) {
-            (Some(a), Some(b)) => Some(self.divide(a, b)),
-            (Some(a), None) => {
-                let quotient = self.divide(a, y);
-                Some(self.negative(quotient))
-            }
-            (None, Some(b)) => {
-                let quotient = self.divide(x, b);
-                Some(self.negative(quotient))
-            }
-            (None, None) => None,
-        }
+        self.with_sign_outside(Self::divide, x, y)
     }
 
     fn simpler_power(&mut self, x: Expression, exponent: f64) -> Option<Expression> {

@@ -17,7 +17,7 @@ from somersault._somersault.integrators import Trajectory
 from somersault._somersault.motion import MarkerRecording
 from somersault._somersault.multibody import Model, TreeSolution
 from somersault.errors import InputError
-from somersault.viewer.contacts import body_shapes
+from somersault.viewer.contacts import balls_of, body_shapes
 from somersault.viewer.figures import equivalent_ellipsoid, figure
 from somersault.viewer.results import Source
 from somersault.viewer.shapes import Box, Ellipsoid, Mesh, RoundShape, Shape, Sphere, rgb
@@ -176,7 +176,7 @@ def default_shapes(
     for k, body in enumerate(owner if isinstance(owner, list) else [owner]):
         radii, turn = equivalent_ellipsoid(body.mass, body.inertia)
         solid = Ellipsoid(np.maximum(radii, 0.02 * radii.max()), orientation=turn, checkered=True)
-        found[track.names[k]] = body_shapes(solid, contacts[k] if contacts else ())
+        found[track.names[k]] = body_shapes(solid, contacts[k] if contacts else (), balls_of(source, k))
     return found
 
 

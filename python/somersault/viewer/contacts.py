@@ -15,15 +15,17 @@ from somersault._somersault.contact import (
     ContactSystem,
     CylindricalSurface,
     HalfSpace,
+    SpherePair,
     SphericalSurface,
     Surface,
     SurfaceFunction,
 )
 from somersault._somersault.integrators import RigidBody, Solution, State
+from somersault.viewer.results import Source
 from somersault.viewer.shapes import Box, Cylinder, Ellipsoid, Mesh, Shape, Sphere
 from somersault.viewer.tracks import Touch, touch
 
-__all__ = ["body_shapes", "contacts_of", "ground_of", "surface_shape", "touches_of"]
+__all__ = ["balls_of", "body_shapes", "contacts_of", "ground_of", "surface_shape", "touches_of"]
 
 Array = NDArray[np.float64]
 Distance: TypeAlias = Callable[[Array], tuple[float, Any]]
@@ -51,8 +53,8 @@ def touches_of(solution: Solution) -> list[Touch]:
     moments |= {event.t: event.state for event in solution.events}
     t = np.array(sorted(moments))
     found = []
+    each = [moments[at] for at in t]
     for body, contacts in enumerate(contacts_of(solution)):
-        each = [moments[at] for at in t]
         states = [state if isinstance(state, State) else state[body] for state in each]
         position = np.array([state.position for state in states])
         turns = Rotation.from_quat([state.quaternion for state in states]).as_matrix()
@@ -60,7 +62,29 @@ def touches_of(solution: Solution) -> list[Touch]:
             forces, offsets = _pressed(contact, states, position + turns @ contact.point, turns)
             away = None if contact.radius is None else offsets
             found.append(touch(body, np.asarray(contact.point), t, forces, away))
+    for pair in solution.pairs or ():
+        found += _touches_of_pair(pair, t, [[state[body] for body in pair.bodies] for state in each])
     return found
+
+
+def _touches_of_pair(pair: SpherePair, t: Array, states: Sequence[Sequence[State]]) -> list[Touch]:
+    """Normal forces on both bodies, on the line of the centres where the radii divide it."""
+    centers, rates = (np.empty((2, len(t), 3)) for _ in range(2))
+    for side, center in enumerate(pair.centers):
+        for k, state in enumerate(states):
+            arm = state[side].orientation.apply(center)
+            centers[side, k] = state[side].position + arm
+            rates[side, k] = state[side].velocity + np.cross(state[side].angular_velocity, arm)
+    span, total = centers[0] - centers[1], sum(pair.radii)
+    distance = np.linalg.norm(span, axis=1)
+    normals = span / np.where(distance > 0.0, distance, 1.0)[:, None]
+    speeds = np.einsum("ni,ni->n", normals, rates[0] - rates[1])
+    gaps = zip((distance - total).tolist(), speeds.tolist(), strict=True)
+    sizes = np.array([max(0.0, pair.law.force(*gap)) if gap[0] <= 0.0 else 0.0 for gap in gaps])
+    return [
+        touch(body, center, t, sign * sizes[:, None] * normals, -sign * radius / total * span)
+        for body, center, radius, sign in zip(pair.bodies, pair.centers, pair.radii, (1.0, -1.0), strict=True)
+    ]
 
 
 def _pressed(contact: Contact, states: Sequence[State], points: Array, turns: Array) -> tuple[Array, Array]:
@@ -152,7 +176,19 @@ def _net(surface: Surface | Distance, low: Array, high: Array) -> Mesh | None:
     return Mesh(corners[used], triangles.reshape(-1, 3))
 
 
-def body_shapes(body: Ellipsoid, contacts: Sequence[Contact]) -> list[Shape]:
+def balls_of(source: Source, body: int) -> list[Sphere]:
+    """The spheres of a body by which it touches other bodies."""
+    if not isinstance(source, Solution):
+        return []
+    return [
+        Sphere(radius, center=center, checkered=True)
+        for pair in source.pairs or ()
+        for owner, center, radius in zip(pair.bodies, pair.centers, pair.radii, strict=True)
+        if owner == body
+    ]
+
+
+def body_shapes(body: Ellipsoid, contacts: Sequence[Contact], balls: Sequence[Sphere]) -> list[Shape]:
     """A body by what of it touches: balls, rims, and the hull of its points; else its ellipsoid with tips."""
     found: list[Shape] = []
     points = []
@@ -165,6 +201,8 @@ def body_shapes(body: Ellipsoid, contacts: Sequence[Contact]) -> list[Shape]:
             half = 0.05 * contact.radius * contact.axis / np.linalg.norm(contact.axis)
             ends = contact.point - half, contact.point + half
             found.append(Cylinder(*ends, contact.radius, checkered=True))
+    drawn = {(shape.radius, *shape.position) for shape in found if isinstance(shape, Sphere)}
+    found += [ball for ball in balls if (ball.radius, *ball.position) not in drawn]
     if not points:
         return found or [body]
     hull = _hull(np.array(points))

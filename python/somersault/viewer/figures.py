@@ -18,10 +18,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
-from somersault._somersault.multibody import Link, Model
+from somersault._somersault.multibody import Geometry, Link, Model, Robot
 from somersault.viewer.shapes import Box, Capsule, Cylinder, Ellipsoid, Loft, Shape, Sphere
 
-__all__ = ["equivalent_ellipsoid", "figure", "rail"]
+__all__ = ["equivalent_ellipsoid", "figure", "rail", "robot_figure"]
 
 Array = NDArray[np.float64]
 Shapes = dict[str, list[Shape]]
@@ -331,6 +331,42 @@ def _tree(model: Model) -> Shapes:
         if shapes:
             found[link.name] = shapes
     return found
+
+
+def robot_figure(robot: Robot) -> tuple[Shapes, list[Shape]]:
+    """The shapes that the file of a robot gives its bodies, and those that stand in the world.
+
+    What is for the eye comes before what collides. Meshes are not opened: a body without other geometry is
+    drawn as one of a tree.
+    """
+    found, standing = figure(robot.model), []
+    solids = [part for part in robot.geometry if part.shape != "mesh"]
+    for body, name in enumerate([*robot.model.names, None]):
+        owner = None if name is None else body
+        own = [part for part in solids if part.body == owner]
+        seen = [part for part in own if part.purpose == "visual"] or own
+        shapes = [_solid(part) for part in seen]
+        if name is None:
+            standing = shapes
+        elif shapes:
+            found[name] = shapes
+    return found, standing
+
+
+def _solid(part: Geometry) -> Shape:
+    """Of a geometry that is no mesh."""
+    center, turn = part.position, part.orientation
+    match part.shape:
+        case "box":
+            return Box(part.size, center=center, orientation=turn)
+        case "ellipsoid":
+            return Ellipsoid(part.size, center=center, orientation=turn)
+        case "sphere":
+            return Sphere(part.size[0], center=center)
+    radius, length = part.size
+    half = turn.apply((0.0, 0.0, 0.5 * length))
+    rod = Cylinder if part.shape == "cylinder" else Capsule
+    return rod(center - half, center + half, radius)
 
 
 def figure(model: Model) -> Shapes:

@@ -19,11 +19,11 @@ from somersault._arm_extremals import ArmExtremal
 from somersault._somersault import contact, exact, ftla, integrators, motion, multibody, ocp
 from somersault._somersault.integrators import RigidBody, Trajectory
 from somersault._somersault.motion import MarkerRecording
-from somersault._somersault.multibody import Link, Model, TreeSolution
+from somersault._somersault.multibody import Link, Model, Robot, TreeSolution
 from somersault.errors import InputError
 from somersault.viewer.shapes import numbers
 
-__all__ = ["FINE", "INSTEAD", "MOTIONS", "Subject", "resolve", "spaced"]
+__all__ = ["FINE", "INSTEAD", "MOTIONS", "Source", "Subject", "resolve", "spaced"]
 
 Array = NDArray[np.float64]
 
@@ -48,10 +48,10 @@ def resolve(
     moving: Any, t: ArrayLike | None = None, q: ArrayLike | None = None, v: ArrayLike | None = None
 ) -> Subject:
     """What is drawn of anything that `Scene.add` takes."""
-    if isinstance(moving, Model | RigidBody):
+    if isinstance(moving, Model | RigidBody | Robot):
         if t is None or q is None:
-            raise InputError("`t` and `q` must be given beside a Model or a RigidBody")
-        return Subject(moving, t, q, v)
+            raise InputError("`t` and `q` must be given beside a Model, a Robot or a RigidBody")
+        return Subject(moving.model if isinstance(moving, Robot) else moving, t, q, v)
     if isinstance(moving, exact.FreeBody):
         if t is None or q is not None or v is not None:
             raise InputError("`t` must be given beside a FreeBody, and `q` and `v` must not")
@@ -65,8 +65,8 @@ def resolve(
             )
         if kind not in MOTIONS:
             raise TypeError(
-                "`moving` must be a Model, a RigidBody, a recording or a result that holds a motion, found a"
-                f" {kind.__name__}"
+                "`moving` must be a Model, a Robot, a RigidBody, a recording or a result that holds a motion,"
+                f" found a {kind.__name__}"
             )
         found = MOTIONS[kind](found.source)
     if t is not None or q is not None or v is not None:
@@ -88,6 +88,12 @@ def _of_curve(curve: integrators.DenseOutput) -> Subject:
 
 def _of_states(result: ocp.Motion | ocp.LiteralDive) -> Subject:
     return Subject(result.model, result.t, result.q, result.v)
+
+
+def _of_report(report: ocp.Report) -> Subject:
+    if report.motion is None:
+        raise TypeError("`moving` must hold a motion, and this Report does not: add the result that it is of")
+    return Subject(report.motion)
 
 
 def _of_dive(dive: ocp.DiveSolution) -> Subject:
@@ -205,6 +211,8 @@ MOTIONS: dict[type, Callable[[Any], Subject]] = {
     ocp.LiteralDive: _of_states,
     ocp.Motion: _of_states,
     ocp.MultiphaseResult: _of_phases,
+    ocp.Report: _of_report,
+    ocp.SearchResult: lambda found: Subject(found.best),
 }
 
 INSTEAD: dict[type, str] = {
@@ -220,15 +228,12 @@ INSTEAD: dict[type, str] = {
     motion.SyntheticFlight: "the SyntheticDive that its `perturb` returns",
     motion.SyntheticSet: "one of its `dives` or `markers`",
     multibody.Diver: "its `model`, with `t` and `q`",
-    multibody.Robot: "its `model`, with `t` and `q`",
     multibody.TreeDenseOutput: "the TreeSolution that it is of",
     ocp.CartPendulumProblem: "its `motion(z)`",
     ocp.CollocationOutcome: "a CollocationResult",
     ocp.Dive: "what its `solve` returns",
     ocp.DiveVerification: "the DiveSolution that it is of",
     ocp.MotionProblem: "its `motion(z)`",
-    ocp.Report: "`motion(report.z)` of its problem",
-    ocp.SearchResult: "`motion(result.best.z)` of its problem",
-    ocp.SwingUpVerification: "`motion(z)` of its problem",
-    ocp.Verification: "`motion(z)` of its problem",
+    ocp.SwingUpVerification: "the Report that it is of",
+    ocp.Verification: "the result that it is of",
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import reprlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from importlib.resources import files
 from os import PathLike
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from somersault._somersault.integrators import Solution
 from somersault._somersault.motion import MarkerRecording
-from somersault._somersault.multibody import Model, TreeSolution
+from somersault._somersault.multibody import Model, Robot, TreeSolution
 from somersault.errors import InputError
 from somersault.viewer.actors import (
     COLORS,
@@ -30,7 +30,7 @@ from somersault.viewer.actors import (
     shape_data,
 )
 from somersault.viewer.contacts import contacts_of, ground_of, surface_shape, touches_of
-from somersault.viewer.figures import is_cart_pendulum, rail
+from somersault.viewer.figures import is_cart_pendulum, rail, robot_figure
 from somersault.viewer.results import Subject, resolve
 from somersault.viewer.shapes import Box, Shape, numbers, positive, rgb
 from somersault.viewer.tracks import Touch, times, touch, track
@@ -132,10 +132,11 @@ class Scene:
         Parameters
         ----------
         moving : object
-            What moves: a Model or a RigidBody with `t` and `q`, a FreeBody with `t`, or a result alone, which
-            has both: a Solution, Trajectory or TreeSolution; a DiveSolution or LiteralDive; the Motion of a
-            problem; what collocation or a search for an extremal of a tree returns; a recording of markers or
-            of a skeleton; a MotionFit; a SyntheticDive. A Solution brings its surfaces too.
+            What moves: a Model, a Robot or a RigidBody with `t` and `q`, a FreeBody with `t`, or a result
+            alone, which has both: a Solution, Trajectory or TreeSolution; a DiveSolution or LiteralDive; the
+            Report or the Motion of a problem, or the best of a search; what collocation or a search for an
+            extremal of a tree returns; a recording of markers or of a skeleton; a MotionFit; a SyntheticDive.
+            A Solution brings its surfaces too.
         t : array_like, shape (n,)
             Times, s, rising. Those of several motions are on one clock.
         q : array_like, shape (n, n_positions), or (n, 7) for a rigid body
@@ -148,9 +149,9 @@ class Scene:
             and angular velocity in world axes.
         shapes : Shape, or sequence of these, or mapping of str to these
             Looks of the body, or of bodies by their names: `body` for one, `body_0`, `body_1` and so on for
-            several, and those of the model for trees. Unless given people for divers, for bodies with
-            contacts the hull of the points, balls and rims that touch, and else the solid ellipsoids of the
-            same inertia.
+            several, and those of the model for trees. Unless given people for divers, for a Robot the boxes
+            and round solids of its file, for bodies with contacts the hull of the points, balls and rims that
+            touch, and else the solid ellipsoids of the same inertia.
         color : str
             `#rrggbb` of shapes without one of their own, of the swimsuit for divers.
         label : str
@@ -189,11 +190,14 @@ class Scene:
         subject = resolve(moving, t, q, v)
         found = track(subject)
         touching = contacts_of(moving)
-        looks = (
-            default_shapes(subject.source, found, touching)
-            if shapes is None
-            else named_shapes(shapes, found.names)
-        )
+        standing: list[Shape] = []
+        looks: Mapping[str, Sequence[Shape]]
+        if shapes is not None:
+            looks = named_shapes(shapes, found.names)
+        elif isinstance(moving, Robot):
+            looks, standing = robot_figure(moving)
+        else:
+            looks = default_shapes(subject.source, found, touching)
         if not isinstance(panel, int) or not 0 <= panel <= len({actor.panel for actor in self._actors}):
             raise InputError(f"`panel` must be that of another motion or the next one, found {panel!r}")
         paint = COLORS[len(self._actors) % len(COLORS)] if color is None else color
@@ -208,6 +212,7 @@ class Scene:
             self._normal |= bool(touches)
         actor = Actor(found, looks, paint, label, panel, points, touches)
         self._actors.append(actor)
+        self._fixed += [(shape, _SURFACE) for shape in standing]
         self._surround([contact for of_body in touching for contact in of_body], actor)
         model = subject.source.model if isinstance(subject.source, TreeSolution) else subject.source
         if isinstance(model, Model) and shapes is None and is_cart_pendulum(model):

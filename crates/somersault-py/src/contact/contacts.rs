@@ -7,7 +7,7 @@ use crate::contact::surface::{CallableSurface, HalfSpace, Surface};
 use crate::core::callable::Failure;
 use crate::core::convert::{a_type, sequence, vector, vector_array, vector_or};
 use crate::core::error::Error;
-use crate::core::value::brief;
+use crate::core::value::{brief, value};
 use crate::integrators::bodies::State;
 use crate::integrators::forces::Reader;
 use pyo3::prelude::*;
@@ -338,6 +338,24 @@ pub(crate) struct SpherePair {
     law: ContactLaw,
 }
 
+value! {
+    impl SpherePair {
+        /// tuple of int: The two bodies.
+        bodies: (usize, usize) = |own| own.bodies.into();
+        /// tuple of float: Radii of the spheres, m.
+        radii: (f64, f64) = |own| own.radii.into();
+        /// tuple of ndarray, shape (3,): Centres of the spheres, each in the frame of its body, m.
+        centers: (Bound<'py, PyAny>, Bound<'py, PyAny>) =
+            |own, py| own.centers.map(|center| vector_array(py, &center)).into();
+        /// CompliantLaw or HuntCrossley: The law of the normal force.
+        law: PyResult<Bound<'py, PyAny>> = |own, py| normal_law(py, &own.law);
+        /// CoulombFriction, RegularisedFriction or None: The law of friction.
+        friction: PyResult<Option<Bound<'py, PyAny>>> = |own, py| friction_law(py, &own.law);
+        /// Resistance or None: The resistance to rolling and spinning.
+        resistance: PyResult<Option<Bound<'py, Resistance>>> = |own, py| resistance_law(py, &own.law);
+    }
+}
+
 #[pymethods]
 impl SpherePair {
     #[new]
@@ -365,9 +383,7 @@ impl SpherePair {
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let (py, own) = (slf.py(), slf.get());
-        let [first, second] = own.centers.map(|center| vector_array(py, &center));
-        let (bodies, radii) = (own.bodies, own.radii);
-        let spheres = ((bodies[0], bodies[1]), (radii[0], radii[1]), (first, second));
+        let spheres = (own.bodies(), own.radii(), own.centers(py));
         let arguments = (spheres, parts(py, &own.law)?).into_pyobject(py)?;
         Ok((slf.get_type().getattr("_restore")?, arguments))
     }

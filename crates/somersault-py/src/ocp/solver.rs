@@ -41,6 +41,10 @@ value! {
         /// bool or None: Whether the integration agrees with the motion; None where there is no verification.
         confirmed: PyResult<Option<bool>> =
             |own, py| own.verifier.as_ref().map(|verifier| Ok(verifier.judge(py)?.0)).transpose();
+        /// Motion or None: The motion of z, made when first requested; None where another result has it, as that of a dive or of
+        /// collocation, and for programs without one.
+        motion: Result<Option<Py<PyAny>>, Error> =
+            |own, py| own.verifier.as_ref().map_or(Ok(None), |verifier| verifier.motion(py));
         /// ndarray, shape (n,): Decision vector.
         z: Bound<'py, PyAny> = |own, py| numpy::PyArray1::from_slice(py, &own.report.z).into_any();
         /// float: Cost at z.
@@ -104,7 +108,9 @@ impl Report {
             report.counts.quadratic_programs,
         ];
         // a motion that cannot be integrated is stored without its verification
-        let verification = slf.get().verifier.as_ref().and_then(|verifier| verifier.get(py).ok());
+        let verifier = slf.get().verifier.as_ref();
+        let verification = verifier.and_then(|verifier| verifier.get(py).ok());
+        let motion = verifier.and_then(|verifier| verifier.motion(py).ok().flatten());
         let arguments = (
             slf.get().status(),
             (numbers(&report.z), numbers(&report.constraint_multipliers), numbers(&report.bound_multipliers)),
@@ -114,12 +120,16 @@ impl Report {
             counts,
             report.hessian.as_deref().map(numbers),
             verification,
+            motion,
         );
         by_restore(slf, arguments)
     }
 
     /// A pickled report.
     #[classmethod]
+    #[pyo3(signature = (
+        status, vectors, cost, residuals, iterations, counts, hessian, verification, motion=None
+    ))]
     fn _restore(
         cls: &Bound<'_, PyType>,
         status: &str,
@@ -130,6 +140,7 @@ impl Report {
         counts: [usize; 5],
         hessian: Option<Vec<f64>>,
         verification: Option<Py<PyAny>>,
+        motion: Option<Py<PyAny>>,
     ) -> Result<Self, Error> {
         let (z, constraint_multipliers, bound_multipliers) = vectors;
         let (stationarity, feasibility, complementarity) = residuals;
@@ -149,7 +160,7 @@ impl Report {
             counts: nlp::Counts { evaluations, gradients, hessians, factorisations, quadratic_programs },
             hessian,
         };
-        let verifier = verification.map(|found| Verifier::of(cls.py(), found));
+        let verifier = verification.map(|found| Arc::new(Verifier::of(cls.py(), found, motion)));
         Ok(Self { report, verifier })
     }
 }

@@ -96,14 +96,18 @@ impl CartPendulumProblem {
 
     /// What integrates the motion of a report again.
     fn verifier(&self, report: &nlp::Report) -> Option<Arc<Verifier>> {
-        let (problem, cost) = (self.problem.clone(), report.cost);
+        let (problem, shown, cost) = (self.problem.clone(), self.problem.clone(), report.cost);
         let z = report.z[..self.n_variables()].to_vec();
-        Some(Verifier::new(move |py| {
+        let same = z.clone();
+        let verifier = Verifier::new(move |py| {
             let found = cancel_on_signal(py, |token| {
                 problem.verify_cancellable(&z, token).map_err(VerificationFailure)
             })?;
             Ok(SwingUpVerification::of(py, found, cost)?.into_any())
-        }))
+        });
+        Some(Arc::new(
+            verifier.with_motion(move |py| Ok(Py::new(py, motion(py, &shown, &same)?)?.into_any())),
+        ))
     }
 
     /// A start whose nodes are on the motion of given variables.
@@ -150,6 +154,13 @@ fn weights(argument: &str, value: Option<&Bound<'_, PyAny>>, default: [f64; 4]) 
     let mut out = default;
     out.copy_from_slice(&numbers_or_one(argument, 4, value)?);
     Ok(out)
+}
+
+/// The motion that a decision vector makes.
+fn motion(py: Python<'_>, problem: &swing_up::CartPendulumProblem, z: &[f64]) -> Result<Motion, Error> {
+    let mut shooting = problem.shooting()?;
+    shooting.rollout(z).map_err(|error| Error::evaluation(error.to_string()))?;
+    Ok(Motion::of(Py::new(py, Model::of(problem.system.model()?))?, &shooting))
 }
 
 /// A report in the variables of the cart alone.
@@ -499,10 +510,7 @@ impl CartPendulumProblem {
     /// >>> motion.q[-1].round(2) + 0.0
     /// array([0., 0.])
     fn motion(&self, py: Python<'_>, z: &Bound<'_, PyAny>) -> Result<Motion, Error> {
-        let z = self.variables(z)?;
-        let mut shooting = self.problem.shooting()?;
-        shooting.rollout(&z).map_err(|error| Error::evaluation(error.to_string()))?;
-        Ok(Motion::of(Py::new(py, self.model()?)?, &shooting))
+        motion(py, &self.problem, &self.variables(z)?)
     }
 
     /// Integrates the motion of a decision vector again and accurately.

@@ -6,37 +6,65 @@ use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyTuple, PyType};
 use somersault::ocp::verification::{self, ALLOWED, VerificationError};
-use std::sync::Arc;
 
 type Make = Box<dyn Fn(Python<'_>) -> Result<Py<PyAny>, Error> + Send + Sync>;
 
-/// Integrates a result again when it is first requested, and once.
-pub(crate) struct Verifier {
+/// A value that is made when it is first requested, and once.
+struct Deferred {
     found: PyOnceLock<Py<PyAny>>,
-    make: Option<Make>,
+    make: Make,
+}
+
+impl Deferred {
+    fn new(make: impl Fn(Python<'_>) -> Result<Py<PyAny>, Error> + Send + Sync + 'static) -> Self {
+        Self { found: PyOnceLock::new(), make: Box::new(make) }
+    }
+
+    /// A value that is there, of a stored result.
+    fn of(py: Python<'_>, value: Py<PyAny>) -> Self {
+        let found = PyOnceLock::new();
+        // the cell is new, so that nothing can be in it
+        let _ = found.set(py, value.clone_ref(py));
+        Self { found, make: Box::new(move |py| Ok(value.clone_ref(py))) }
+    }
+
+    fn get(&self, py: Python<'_>) -> Result<Py<PyAny>, Error> {
+        Ok(self.found.get_or_try_init(py, || (self.make)(py))?.clone_ref(py))
+    }
+}
+
+/// The re-integration of a result, and the motion of a report.
+pub(crate) struct Verifier {
+    verification: Deferred,
+    motion: Option<Deferred>,
 }
 
 impl Verifier {
-    pub(crate) fn new(
-        make: impl Fn(Python<'_>) -> Result<Py<PyAny>, Error> + Send + Sync + 'static,
-    ) -> Arc<Self> {
-        Arc::new(Self { found: PyOnceLock::new(), make: Some(Box::new(make)) })
+    pub(crate) fn new(make: impl Fn(Python<'_>) -> Result<Py<PyAny>, Error> + Send + Sync + 'static) -> Self {
+        Self { verification: Deferred::new(make), motion: None }
     }
 
-    /// A verification that is there, of a stored result.
-    pub(crate) fn of(py: Python<'_>, verification: Py<PyAny>) -> Arc<Self> {
-        let found = PyOnceLock::new();
-        // the cell is new, so that nothing can be in it
-        let _ = found.set(py, verification);
-        Arc::new(Self { found, make: None })
+    /// With the motion that is integrated again.
+    pub(crate) fn with_motion(
+        self,
+        make: impl Fn(Python<'_>) -> Result<Py<PyAny>, Error> + Send + Sync + 'static,
+    ) -> Self {
+        Self { motion: Some(Deferred::new(make)), ..self }
+    }
+
+    /// Of a stored result.
+    pub(crate) fn of(py: Python<'_>, verification: Py<PyAny>, motion: Option<Py<PyAny>>) -> Self {
+        let motion = motion.map(|motion| Deferred::of(py, motion));
+        Self { verification: Deferred::of(py, verification), motion }
     }
 
     pub(crate) fn get(&self, py: Python<'_>) -> Result<Py<PyAny>, Error> {
-        let make = || match &self.make {
-            Some(make) => make(py),
-            None => Err(Error::evaluation("the result was stored without its verification")),
-        };
-        Ok(self.found.get_or_try_init(py, make)?.clone_ref(py))
+        self.verification.get(py)
+    }
+
+    /// None where another result has the motion.
+    pub(crate) fn motion(&self, py: Python<'_>) -> Result<Option<Py<PyAny>>, Error> {
+        self.motion.as_ref().map(|motion| motion.get(py)).transpose()
     }
 
     /// Whether the integration agrees, and a sentence; an integration that is not possible does not agree.
@@ -56,7 +84,7 @@ impl Verifier {
 
 /// "confirmed", or what it is not, in the text that stands for a result; nothing is integrated for it.
 pub(crate) fn judgement(py: Python<'_>, verifier: &Verifier) -> PyResult<&'static str> {
-    let Some(found) = verifier.found.get(py) else { return Ok("not re-integrated yet") };
+    let Some(found) = verifier.verification.found.get(py) else { return Ok("not re-integrated yet") };
     let confirmed: bool = found.bind(py).getattr("confirmed")?.extract()?;
     Ok(if confirmed { "confirmed" } else { "NOT confirmed by integration" })
 }

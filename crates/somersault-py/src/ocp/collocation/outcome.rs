@@ -45,7 +45,7 @@ impl CollocationOutcome {
             let (confirmed, message) = (confirmation.is_confirmed(tol), confirmation.sentence(tol));
             Ok(Py::new(py, Verification::judged(found, tol, confirmed, message))?.into_any())
         });
-        Self { report, tol, verifier }
+        Self { report, tol, verifier: Arc::new(verifier) }
     }
 
     /// What stands for it in the texts of its subclasses.

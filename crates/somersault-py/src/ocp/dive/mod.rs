@@ -61,7 +61,8 @@ use somersault::nlp::{Flow, Iteration, Nlp, Report, Status};
 /// entry_lean : float, optional
 ///     Lean past the vertical at the entry, rad.
 /// duration : float or tuple of float, optional
-///     Of the flight, s, or its range; 1.7 s unless given.
+///     Of the flight, s, or its range; 1.7 s unless given. With the height and the distance of the entry it says how fast the
+///     diver leaves the platform: a lower one needs a shorter flight.
 /// momentum : float or tuple of float, optional
 ///     Angular momentum about the lateral axis, kg m²/s, or its range; from 0 to 500 unless given.
 /// platform : float, optional

@@ -229,7 +229,7 @@ impl Plan {
             "n_pieces" => self.dive.n_pieces = whole()?,
             "template" => self.template = Some(self.key_frames(value)?),
             other => {
-                let message = format!("a dive has no argument '{other}'");
+                let message = format!("a dive has no argument '{other}'; `Dive.options` has them all");
                 return Err(PyTypeError::new_err(message).into());
             }
         }

@@ -44,7 +44,7 @@ impl DiveSolution {
             )?
             .into_any())
         });
-        Self::with_verifier(dive, report, verifier)
+        Self::with_verifier(dive, report, Arc::new(verifier))
     }
 
     /// With what integrations have already made of it.
@@ -54,7 +54,7 @@ impl DiveSolution {
         found: DiveReport,
     ) -> Result<Self, Error> {
         let verification = Py::new(dive.py(), DiveVerification(found))?.into_any();
-        Self::with_verifier(dive, report, Verifier::of(dive.py(), verification))
+        Self::with_verifier(dive, report, Arc::new(Verifier::of(dive.py(), verification, None)))
     }
 
     fn with_verifier(

@@ -20,7 +20,6 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PySlice, PyType};
 use somersault::nlp::{self, Nlp, samples};
 use somersault::ocp::shooting::{self, Start};
-use somersault::ocp::transcription::Transcription;
 
 /// A motion problem: passive joints follow the equations of motion, driven ones splines.
 ///
@@ -358,7 +357,7 @@ impl MotionProblem {
         };
         let arguments = SolverArguments { solver, tol, max_iterations, max_time, callback, on_interrupt };
         let calls_python = self.calls_python;
-        let motion = self.recipe.motion()?;
+        let motion = self.recipe.motion(py)?;
         let mut problem = self.shared.acquire(py)?;
         arguments.solve(py, &mut *problem, &start, calls_python, |report| Some(motion.verifier(report)))
     }
@@ -443,7 +442,7 @@ impl MotionProblem {
         let arguments =
             SolverArguments { solver, tol, max_iterations, max_time: None, callback: None, on_interrupt };
         let arguments = SearchArguments { solver: arguments.solver()?, distance_tol, deadline, returned };
-        let motion = self.recipe.motion()?;
+        let motion = self.recipe.motion(py)?;
         let make = || Python::attach(|py| self.recipe.build(py));
         arguments.run(py, &all, make, |report| report, |report| Some(motion.verifier(report)))
     }
@@ -468,7 +467,7 @@ impl MotionProblem {
     /// True
     fn verify(&self, py: Python<'_>, z: &Bound<'_, PyAny>) -> Result<Verification, Error> {
         let z = self.room(z)?.0;
-        self.recipe.motion()?.verify(py, &z)
+        self.recipe.motion(py)?.verify(py, &z)
     }
 
     /// The motion that a decision vector makes.
@@ -491,12 +490,7 @@ impl MotionProblem {
     /// <Motion: 21 nodes, t = 0 to 1 s>
     fn motion(&self, py: Python<'_>, z: &Bound<'_, PyAny>) -> Result<Motion, Error> {
         let (z, _) = self.room(z)?;
-        let model = self.recipe.model.clone_ref(py);
-        self.run(py, |problem| {
-            let shooting = problem.transcription_mut();
-            shooting.rollout(&z)?;
-            Ok(Motion::of(model, shooting))
-        })
+        self.recipe.motion(py)?.of(py, &z)
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {

@@ -1,6 +1,6 @@
 //! What a motion problem is made of.
 
-use super::{Constraint, Cost, Phase};
+use super::{Constraint, Cost, Motion, Phase};
 use crate::core::convert::numbers_or_one;
 use crate::core::error::Error;
 use crate::core::waiting::cancel_on_signal;
@@ -38,7 +38,7 @@ pub(super) struct Recipe {
 
 impl Recipe {
     /// The motion without costs and constraints.
-    pub(super) fn motion(&self) -> Result<PosedMotion, Error> {
+    pub(super) fn motion(&self, py: Python<'_>) -> Result<PosedMotion, Error> {
         let model = self.model.get().model.clone();
         let n = self.active.len();
         let (split, drive) = if self.drives_motion {
@@ -53,11 +53,12 @@ impl Recipe {
             start: self.start.clone(),
             phases: self.phases.iter().map(|phase| phase.get().phase.clone()).collect(),
             options: ShootingOptions { scheme: self.scheme, drive },
+            model: Arc::new(self.model.clone_ref(py)),
         })
     }
 
     pub(super) fn build(&self, py: Python<'_>) -> Result<Program, Error> {
-        let motion = self.motion()?;
+        let motion = self.motion(py)?;
         let n_channels = self.phases.first().map_or(0, |phase| phase.get().phase.motion.n_channels());
         let (dynamics, sizes) = (&motion.dynamics, sizes_of(&motion.dynamics, n_channels));
         let mut builder = MotionProblem::builder(motion.shooting()?);
@@ -113,11 +114,12 @@ pub(super) struct PosedMotion {
     start: Start,
     phases: Vec<shooting::Phase>,
     options: ShootingOptions,
+    model: Arc<Py<Model>>,
 }
 
 impl PosedMotion {
     fn shooting(&self) -> Result<Shooting<Tree>, Error> {
-        let Self { dynamics, start, phases, options } = self.clone();
+        let Self { dynamics, start, phases, options, .. } = self.clone();
         let names = [("motion.base", "phases"), ("motion.n_channels", "phases"), ("drive.dofs", "active")];
         Shooting::try_new(dynamics, start, phases, options)
             .map_err(|error| Error::from(error).with_names(&names))
@@ -131,8 +133,17 @@ impl PosedMotion {
         Ok(Verification::of(found))
     }
 
+    /// The motion that a decision vector makes.
+    pub(super) fn of(&self, py: Python<'_>, z: &[f64]) -> Result<Motion, Error> {
+        let mut shooting = self.shooting()?;
+        py.detach(|| shooting.rollout(z)).map_err(|error| Error::evaluation(error.to_string()))?;
+        Ok(Motion::of(self.model.clone_ref(py), &shooting))
+    }
+
     pub(super) fn verifier(&self, report: &nlp::Report) -> Arc<Verifier> {
-        let (motion, z) = (self.clone(), report.z.clone());
-        Verifier::new(move |py| Ok(Py::new(py, motion.verify(py, &z)?)?.into_any()))
+        let (verified, shown, z) = (self.clone(), self.clone(), report.z.clone());
+        let same = z.clone();
+        let verifier = Verifier::new(move |py| Ok(Py::new(py, verified.verify(py, &z)?)?.into_any()));
+        Arc::new(verifier.with_motion(move |py| Ok(Py::new(py, shown.of(py, &same)?)?.into_any())))
     }
 }
