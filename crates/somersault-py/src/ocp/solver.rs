@@ -25,6 +25,8 @@ pub(crate) struct Report {
     pub(crate) report: nlp::Report,
     /// None where the program has no motion of its own.
     pub(crate) verifier: Option<Arc<Verifier>>,
+    /// What is said of a derivative that differences contradict at z.
+    pub(crate) wrong_derivative: Option<String>,
 }
 
 value! {
@@ -68,13 +70,17 @@ value! {
 
 #[pymethods]
 impl Report {
-    /// str: The status in a sentence, and another about the verification.
+    /// str: The status in a sentence, and another about the verification. Where a solve did not converge, the derivative of a
+    /// user-defined term that differences contradict at z, if there is one.
     #[getter]
     fn message(&self, py: Python<'_>) -> PyResult<String> {
-        let status = self.report.status.message();
+        let status = match &self.wrong_derivative {
+            Some(wrong) => format!("{}. A likely reason: {wrong}", self.report.status.message()),
+            None => self.report.status.message().to_owned(),
+        };
         Ok(match &self.verifier {
             Some(verifier) => format!("{status}. {}", verifier.judge(py)?.1),
-            None => status.to_owned(),
+            None => status,
         })
     }
 
@@ -114,12 +120,16 @@ impl Report {
             counts,
             report.hessian.as_deref().map(numbers),
             verification,
+            slf.get().wrong_derivative.clone(),
         );
         by_restore(slf, arguments)
     }
 
     /// A pickled report.
     #[classmethod]
+    #[pyo3(signature = (
+        status, vectors, cost, residuals, iterations, counts, hessian, verification, wrong_derivative=None
+    ))]
     fn _restore(
         cls: &Bound<'_, PyType>,
         status: &str,
@@ -130,6 +140,7 @@ impl Report {
         counts: [usize; 5],
         hessian: Option<Vec<f64>>,
         verification: Option<Py<PyAny>>,
+        wrong_derivative: Option<String>,
     ) -> Result<Self, Error> {
         let (z, constraint_multipliers, bound_multipliers) = vectors;
         let (stationarity, feasibility, complementarity) = residuals;
@@ -150,7 +161,7 @@ impl Report {
             hessian,
         };
         let verifier = verification.map(|found| Verifier::of(cls.py(), found));
-        Ok(Self { report, verifier })
+        Ok(Self { report, verifier, wrong_derivative })
     }
 }
 
@@ -186,6 +197,7 @@ pub(crate) struct SolverArguments<'a, 'py> {
     pub(crate) solver: &'a str,
     pub(crate) tol: Option<f64>,
     pub(crate) max_iterations: Option<i64>,
+    pub(crate) max_evaluations: Option<i64>,
     pub(crate) max_time: Option<f64>,
     pub(crate) callback: Option<&'a Bound<'py, PyAny>>,
     pub(crate) on_interrupt: &'a str,
@@ -209,6 +221,7 @@ impl SolverArguments<'_, '_> {
         let max_time = duration(self.max_time)?;
         let tol = tolerance("tol", self.tol)?;
         let max_iterations = limit("max_iterations", self.max_iterations, 0)?;
+        let max_evaluations = limit("max_evaluations", self.max_evaluations, 1)?;
         let sqp = |hessian, globalisation| {
             let default = Sqp::default();
             Box::new(Sqp {
@@ -218,6 +231,7 @@ impl SolverArguments<'_, '_> {
                 feasibility_tol: tol.unwrap_or(default.feasibility_tol),
                 complementarity_tol: tol.unwrap_or(default.complementarity_tol),
                 max_iterations: max_iterations.unwrap_or(default.max_iterations),
+                max_evaluations,
                 max_time,
                 ..default
             })
@@ -226,6 +240,7 @@ impl SolverArguments<'_, '_> {
         let limits = Limits {
             stationarity_tol: tol.unwrap_or(default.stationarity_tol),
             max_iterations: max_iterations.unwrap_or(default.max_iterations),
+            max_evaluations,
             max_time,
             ..default
         };
@@ -274,15 +289,13 @@ impl SolverArguments<'_, '_> {
         } else {
             py.detach(|| solve(&*solver, &mut watch))
         };
-        let verified = |report: nlp::Report| Report { verifier: verifier(&report), report };
+        let verified =
+            |report: nlp::Report| Report { verifier: verifier(&report), report, wrong_derivative: None };
         let report = match found {
             Ok(report) if watcher.is_interrupted(py) => verified(report.interrupted()),
             Ok(report) => verified(report),
             Err(SolverError::Failed { source, report }) => {
-                let error = match source.downcast::<PyErr>() {
-                    Ok(error) => *error,
-                    Err(other) => Error::evaluation(other.to_string()).into(),
-                };
+                let error = Error::failed(source).into();
                 return Err(with_solution(py, error, verified(*report)));
             }
             Err(error) => return Err(error.into()),

@@ -72,12 +72,8 @@ impl UserFunction {
         let Self { rows, gradient, n_rows, reads } = self;
         let rows = rows_of(rows.clone_ref(py), *n_rows);
         if let Some(gradient) = gradient {
-            return term::Function::new(
-                "function",
-                *n_rows,
-                rows,
-                pull_back_of(gradient.clone_ref(py), *n_rows),
-            );
+            let pull_back = pull_back_of(gradient.clone_ref(py), *n_rows);
+            return term::Function::new("function", *n_rows, rows, pull_back).compared_by(tree.clone());
         }
         let part = |read: &Read| match read {
             Read::Position => None,
