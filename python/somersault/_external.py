@@ -258,9 +258,11 @@ class Call:
             start, end = end, end + math.prod(shape)
             array = numbers[start:end].reshape((*shape, *numbers.shape[1:]))
             if names:
-                array = array.view(_Named)
-                array._names = names
-            arguments.append(float(array) if array.ndim == 0 else array)
+                entries = array.view(_Named)
+                entries._names = names
+                arguments.append(entries)
+            else:
+                arguments.append(float(array) if array.ndim == 0 else array)
         return arguments
 
     def _array(self, what: str, found: Any, shape: tuple[int, ...]) -> NDArray[np.float64]:

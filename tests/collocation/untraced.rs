@@ -42,13 +42,13 @@ fn pair() -> ExternalFunction {
 #[test]
 fn derivatives_go_through_calls_of_what_calls_return() {
     let inputs = || vec![Block::new("z", [2]), Block::new("w", [3])];
-    let of = |f: fn(&[&[somersault_expr::Symbol]]) -> Vec<somersault_expr::Symbol>| {
-        ExprFunction::trace(inputs(), |blocks| f(&blocks.iter().map(|b| &b[..]).collect::<Vec<_>>())).unwrap()
-    };
     // w₀ = sin(z₀ z₁), (w₁, w₂) = pair(w₀ z₁, z₀ + w₀)
-    let outer = of(|b| vec![b[1][1] * b[0][0] + b[1][0].sin(), b[1][2] * b[1][1] * b[0][1]]);
-    let first = of(|b| vec![b[0][0] * b[0][1]]);
-    let second = of(|b| vec![b[1][0] * b[0][1], b[0][0] + b[1][0]]);
+    let outer = ExprFunction::trace(inputs(), |b| {
+        vec![b[1][1] * b[0][0] + b[1][0].sin(), b[1][2] * b[1][1] * b[0][1]]
+    })
+    .unwrap();
+    let first = ExprFunction::trace(inputs(), |b| vec![b[0][0] * b[0][1]]).unwrap();
+    let second = ExprFunction::trace(inputs(), |b| vec![b[1][0] * b[0][1], b[0][0] + b[1][0]]).unwrap();
     let mut composed = ComposedFunction::try_new(&outer, vec![(&first, sine()), (&second, pair())]).unwrap();
     let whole = ExprFunction::trace(vec![Block::new("z", [2])], |blocks| {
         let z = &blocks[0];
@@ -111,12 +111,13 @@ impl VectorFunction for Pushed {
 
 /// L = u²/2 and no end cost.
 fn effort(dynamics: Box<dyn VectorFunction>) -> Problem {
-    let terms = |n: usize, f: fn(&[somersault_expr::Symbol]) -> somersault_expr::Symbol| {
-        let traced = ExprFunction::trace(vec![Block::new("z", [n])], |blocks| vec![f(&blocks[0])]).unwrap();
-        Box::new(TracedFunction::try_new(&traced).unwrap())
+    let boxed = |traced: Result<ExprFunction, _>| -> Box<dyn VectorFunction> {
+        Box::new(TracedFunction::try_new(&traced.unwrap()).unwrap())
     };
+    let point = ExprFunction::trace(vec![Block::new("z", [4])], |b| vec![b[0][2] * b[0][2] * 0.5]);
+    let ends = ExprFunction::trace(vec![Block::new("z", [6])], |b| vec![b[0][0] * 0.0]);
     let phase = Phase::with_derivatives(dynamics, 1, 0, ())
-        .terms_with_derivatives(terms(4, |z| z[2] * z[2] * 0.5), terms(6, |z| z[0] * 0.0))
+        .terms_with_derivatives(boxed(point), boxed(ends))
         .names(["x".to_owned(), "v".to_owned()], ["force".to_owned()])
         .initial_state([0.0, 0.0])
         .final_state([1.0, 0.0]);

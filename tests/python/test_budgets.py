@@ -41,7 +41,7 @@ def control_problem() -> ocp.ControlProblem:
 
 def motion_problem() -> ocp.MotionProblem:
     """A cart that lifts its pendulum."""
-    conditions = [(end, r, 0.0) for end in ("start", "finish") for r in (0, 1)]
+    conditions: Any = [(end, r, 0.0) for end in ("start", "finish") for r in (0, 1)]
     return ocp.MotionProblem(
         multibody.cart_pendulum(),
         [0.0, np.pi],
@@ -137,10 +137,9 @@ class TestBudgets:
 
     @pytest.mark.parametrize("method", ["ipm", "sqp", "lbfgs"])
     def test_minimize(self, budget: str, method: str) -> None:
-        options, status = {
-            "time": ({"max_time": 1e-3}, "time_limit"),
-            "evaluations": ({"maxfev": 1}, "evaluation_limit"),
-        }[budget]
+        name = {"max_time": "max_time", "max_evaluations": "maxfev"}
+        given, status = BUDGETS[budget]
+        options = {name[option]: value for option, value in given.items()}
 
         def fun(x: Any) -> float:
             return float(np.sum(100 * (x[1:] - x[:-1] ** 2) ** 2 + (1 - x[:-1]) ** 2))

@@ -229,6 +229,50 @@ class TestWrongDerivatives:
         assert found.success, found.message
 
 
+def lifted(factor: float) -> ocp.MotionProblem:
+    """A cart that lifts its pendulum; the derivative of how far it gets is multiplied."""
+
+    def gap(node: Any) -> list[float]:
+        return [node.position[1] - (np.pi - 0.3)]
+
+    term = ocp.function(gap, 1, gradient=lambda node: {"position": [[0.0, factor]]})
+    conditions: Any = [(end, r, 0.0) for end in ("start", "finish") for r in (0, 1)]
+    return ocp.MotionProblem(
+        multibody.cart_pendulum(),
+        [0.0, np.pi],
+        [0.0, 0.0],
+        [ocp.Phase(ocp.SplineMotion(1, 10, conditions), 1.0, 50)],
+        active=["cart"],
+        costs=[ocp.Cost(ocp.entries("torque", [0])), ocp.Cost(term, 1e4, at="finish")],
+    )
+
+
+def test_a_wrong_gradient_of_a_term_is_named_where_a_solve_does_not_converge() -> None:
+    right = lifted(1.0)
+    start = np.full(right.n_variables, 0.1)
+    assert right.solve(start).success
+    for factor in (-1.0, 0.2):
+        problem = lifted(factor)
+        reports = [problem.solve(start), problem.search(2, z=start, reach=0.2).best]
+        for report in reports:
+            assert not report.success and "A likely reason: the gradient of `" in report.message
+            assert f"gap` must be its derivative: ∂(row 0)/∂(position[1]) is {factor:g}," in report.message
+            assert "and differences give 1 at t = 1" in report.message
+            assert pickle.loads(pickle.dumps(report)).message == report.message
+
+
+def test_minimize_names_wrong_derivatives_whatever_ends_it() -> None:
+    from somersault import nlp
+
+    found = nlp.minimize(
+        lambda x: (x[0] - 1) ** 2 + (x[1] - 2) ** 4,
+        [5.0, 5.0],
+        jac=lambda x: np.array([2 * (x[0] - 1), 4.2 * (x[1] - 2) ** 3]),
+        options={"maxiter": 2},
+    )
+    assert found.status == "iteration_limit" and "the derivative of fun has" in found.message
+
+
 class TestFailures:
     """Exceptions and what is not a number."""
 

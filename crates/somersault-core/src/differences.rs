@@ -261,7 +261,7 @@ impl Slopes {
         self.n
     }
 
-    /// The first entry of a Jacobian, given row by row, that is none of these slopes.
+    /// The first entry of a Jacobian, given row by row, that these slopes contradict.
     pub fn contradicted(&self, given: &[f64]) -> Option<Contradiction> {
         let ranges = self.least.iter().zip(&self.largest);
         given.iter().zip(ranges).enumerate().find_map(|(entry, (&found, (&least, &largest)))| {

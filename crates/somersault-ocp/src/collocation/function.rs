@@ -100,7 +100,7 @@ pub trait VectorFunction: Send {
         hessian: &mut DMatrix<f64>,
     ) -> Result<(), EvaluationError>;
 
-    /// Is told, before a solve, how large arguments typically are about a point: steps of differences follow from that.
+    /// Receives, before a solve, how large arguments typically are about a point: steps of differences follow from that.
     fn set_sizes(&mut self, _arguments: &[f64], _sizes: &[f64]) -> Result<(), EvaluationError> {
         Ok(())
     }
