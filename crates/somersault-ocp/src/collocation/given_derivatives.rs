@@ -16,7 +16,10 @@ const POINTS: usize = 4;
 /// How far random points are from the guess, relative to the sizes of states and controls.
 const NEAR: f64 = 0.1;
 
-/// Arguments of both kinds of functions of a phase, and how large they typically are.
+/// A function with its arguments, their sizes and names.
+type Candidate<'a> = (&'a mut dyn VectorFunction, &'a [f64], &'a [f64], &'a Labels);
+
+/// Arguments of both kinds of functions of a phase.
 struct Place {
     point: Vec<f64>,
     ends: Vec<f64>,
@@ -128,7 +131,7 @@ impl Phase {
         let at_ends = self.sizes_at_ends(sizes);
         let [of_dynamics, of_path, of_ends] = self.labels();
         for place in places {
-            let functions: [(&mut dyn VectorFunction, &[f64], &[f64], &Labels); 3] = [
+            let functions: [Candidate<'_>; 3] = [
                 (&mut *self.dynamics, &place.point, sizes, &of_dynamics),
                 (&mut self.path, &place.point, sizes, &of_path),
                 (&mut self.ends, &place.ends, &at_ends, &of_ends),

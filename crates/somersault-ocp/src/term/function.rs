@@ -190,6 +190,8 @@ impl Term for Function {
 
 /// Rows of a term at a node.
 type Evaluate<'a> = &'a mut dyn FnMut(&Node<'_>, &mut [f64]) -> Result<(), EvaluationError>;
+/// What moves positions.
+type Displaced<'a> = &'a dyn Fn(&[f64], &[f64], &mut [f64]) -> Result<(), EvaluationError>;
 /// Its gradient at the node in question.
 type PulledBack<'a> = &'a mut dyn FnMut(&[f64], &mut NodeGradient) -> Result<(), EvaluationError>;
 
@@ -219,7 +221,7 @@ fn compare(
     node: &Node<'_>,
     evaluate: Evaluate<'_>,
     pull_back: PulledBack<'_>,
-    displace: &dyn Fn(&[f64], &[f64], &mut [f64]) -> Result<(), EvaluationError>,
+    displace: Displaced<'_>,
 ) -> Result<Option<WrongDerivative>, EvaluationError> {
     let mut gradients = Vec::with_capacity(n_rows);
     for i in 0..n_rows {
