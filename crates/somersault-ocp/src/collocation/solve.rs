@@ -242,7 +242,16 @@ impl<S: NlpSolver> Collocation<S> {
         let mut found = self.search(problem, meshes, origin, Vec::new(), on_iteration, token, &mut left)?;
         if found.is_lost() {
             let mut starts = Vec::new();
-            let start = self.feasible_start(problem, meshes, on_iteration, &mut starts, &mut left)?;
+            let start = match self.feasible_start(problem, meshes, on_iteration, &mut starts, &mut left) {
+                Err(
+                    CollocationError::Solver(SolverError::Failed { source, .. })
+                    | CollocationError::Evaluation(EvaluationError::Failed(source)),
+                ) => {
+                    starts.extend(found.history);
+                    return ended(found.phases, starts, found.program, source);
+                }
+                start => start?,
+            };
             let ended = starts.last().map(|mesh| mesh.status).filter(|status| is_ended(*status));
             if let Some(start) = start {
                 let history = found.history.into_iter().chain(starts).collect();
