@@ -22,6 +22,7 @@ def solve_batch(
     n_points: int | None = None,
     max_meshes: int = 20,
     max_iterations: int | None = None,
+    max_evaluations: int | None = None,
     max_time: float | None = None,
     on_interrupt: Literal["raise", "return"] = "raise",
 ) -> list[CollocationResult | None]:
@@ -35,7 +36,7 @@ def solve_batch(
         What `ControlProblem.solve` takes as a guess, or None, for each problem.
     max_time : float, optional
         s, of all.
-    tol, n_intervals, n_points, max_meshes, max_iterations, on_interrupt
+    tol, n_intervals, n_points, max_meshes, max_iterations, max_evaluations, on_interrupt
         As of `ControlProblem.solve`.
 
     Returns
@@ -74,6 +75,7 @@ def solve_batch(
         n_points,
         max_meshes,
         max_iterations,
+        max_evaluations,
         max_time,
         on_interrupt,
     )

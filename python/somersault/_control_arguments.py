@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from somersault import expr
+from somersault._external import ExternalFunction
+from somersault._somersault.expr import CompiledFunction
 from somersault._somersault.ocp import CollocationResult
-from somersault.errors import InputError
+from somersault.errors import InputError, TraceError
 
 #: A number, bounds, or None for what is free.
 _Range: TypeAlias = "float | tuple[float | None, float | None] | None"
@@ -134,12 +136,22 @@ class _Names:
             cost = _one("end_cost", final(last, end, p))
             return [cost, *(value for each in ends for value in each.values(x, last, start, end, p))]
 
+        if isinstance(dynamics, ExternalFunction):
+            rates = _called("dynamics", dynamics._with_shape((len(self.states),)), _ALONG)
         n = len(integrals)
         # an empty tuple is a single number, and no names are a length of zero
         x, u, p = (tuple(part) or 0 for part in (self.states, self.controls, self.parameters))
         at_time: dict[str, Any] = {"x": x, "z": n, "u": u, "p": p, "t": ()}
         both: dict[str, Any] = {"x": x, "z": n, "last": x, "z_last": n, "p": p, "start": (), "end": ()}
-        return [_trace(moving, at_time), _trace(along, at_time), _trace(at_ends, both)]
+        own = {"x": self.states, "u": self.controls, "p": self.parameters, "t": ["t"]}
+        of_first, of_last = ([f"{end} {name}" for name in self.states] for end in ("initial", "final"))
+        ends_of = {"x": of_first, "last": of_last, "p": self.parameters, "start": ["t_0"], "end": ["t_f"]}
+        of_rates = [] if rates is None else [f"rate of {name}" for name in self.states]
+        return [
+            _trace(moving, at_time, own, lambda: [*of_rates, *(each.name for each in integrals)]),
+            _trace(along, at_time, own, lambda: ["running_cost", *_value_names(path)]),
+            _trace(at_ends, both, ends_of, lambda: ["end_cost", *_value_names(ends)]),
+        ]
 
 
 #: What functions of a time take.
@@ -185,8 +197,42 @@ class _Constrained:
         return [float(limit) for limit in np.broadcast_to(limits, self.n_values)]
 
 
-def _trace(function: Callable[..., Any], blocks: Mapping[str, Any]) -> Any:
-    return expr.Function(function, **blocks)._compiled
+def _trace(
+    function: Callable[..., Any],
+    blocks: Mapping[str, Any],
+    inputs: Mapping[str, Sequence[str]],
+    outputs: Callable[[], Sequence[str]],
+) -> tuple[Any, list[Any]]:
+    """The traced function and its calls of functions that are not; names are for messages."""
+    calls: list[Any] = []
+    try:
+        graph, own, numbers, shapes, _ = expr._recorded(function, blocks, calls)
+    except TraceError as error:
+        error.args = (f"{error}; a function that cannot be traced may be given as an ocp.ExternalFunction",)
+        raise
+    if not calls:
+        return CompiledFunction(graph, own, numbers), []
+    # inputs of a graph are numbered first
+    names: dict[int, str] = {}
+    first = 0
+    for block, shape in shapes.items():
+        names |= dict(zip(range(first, first + math.prod(shape)), inputs.get(block, ()), strict=False))
+        first += math.prod(shape)
+    all_blocks = [*own, ("returned", [sum(len(call.returned) for call in calls)])]
+    values = dict(zip(numbers, outputs(), strict=True))
+    return (
+        CompiledFunction(graph, all_blocks, numbers),
+        [call.compiled(graph, all_blocks, names, values) for call in calls],
+    )
+
+
+def _value_names(constraints: Iterable[_Constrained]) -> list[str]:
+    """Names of the values of constraints."""
+    return [
+        each.name if each.n_values == 1 else f"{each.name}, value {k}"
+        for each in constraints
+        for k in range(each.n_values)
+    ]
 
 
 def _called(argument: str, function: Any, names: Sequence[str]) -> Callable[..., Any]:

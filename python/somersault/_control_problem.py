@@ -270,6 +270,7 @@ class ControlProblem:
         n_points: int | None = None,
         max_meshes: int = 20,
         max_iterations: int | None = None,
+        max_evaluations: int | None = None,
         max_time: float | None = None,
         callback: Callable[[int, _Floats, float, float], object] | None = None,
         on_interrupt: Literal["raise", "return"] = "raise",
@@ -294,8 +295,10 @@ class ControlProblem:
         max_meshes : int, optional
         max_iterations : int, optional
             Of the solver, on each mesh.
+        max_evaluations : int, optional
+            Of cost and constraints, on all meshes together.
         max_time : float, optional
-            s, on each mesh.
+            s, of the whole solve.
         callback : callable, optional
             ``callback(iteration, z, cost, residual)`` after each step of the solver; the search stops where
             it returns true.
@@ -329,6 +332,7 @@ class ControlProblem:
             n_points,
             max_meshes,
             max_iterations,
+            max_evaluations,
             max_time,
             callback,
             on_interrupt,
@@ -345,6 +349,7 @@ class ControlProblem:
         n_points: int | None = None,
         max_meshes: int = 20,
         max_iterations: int | None = None,
+        max_evaluations: int | None = None,
         max_time: float | None = None,
         on_interrupt: Literal["raise", "return"] = "raise",
     ) -> SearchResult:
@@ -361,7 +366,7 @@ class ControlProblem:
             Of the random starts.
         max_time : float, optional
             s, of the whole search.
-        tol, n_intervals, n_points, max_meshes, max_iterations, on_interrupt
+        tol, n_intervals, n_points, max_meshes, max_iterations, max_evaluations, on_interrupt
             As of `solve`.
 
         Returns
@@ -384,7 +389,16 @@ class ControlProblem:
         [(19.5, 'below'), (21.3, 'above')]
         """
         return self._posed.search(
-            n_starts, seed, tol, n_intervals, n_points, max_meshes, max_iterations, max_time, on_interrupt
+            n_starts,
+            seed,
+            tol,
+            n_intervals,
+            n_points,
+            max_meshes,
+            max_iterations,
+            max_evaluations,
+            max_time,
+            on_interrupt,
         )
 
     def polish(self, found: CollocationResult, *, max_time: float | None = None) -> PolishResult:

@@ -95,6 +95,7 @@ class MultiphaseProblem:
         n_points: int | None = None,
         max_meshes: int = 20,
         max_iterations: int | None = None,
+        max_evaluations: int | None = None,
         max_time: float | None = None,
         callback: Callable[[int, NDArray[np.float64], float, float], object] | None = None,
         on_interrupt: Literal["raise", "return"] = "raise",
@@ -106,7 +107,8 @@ class MultiphaseProblem:
         guess : MultiphaseResult or sequence, optional
             An earlier result; or for each phase what `ControlProblem.solve` takes, of which only differences
             of times count.
-        tol, n_intervals, n_points, max_meshes, max_iterations, max_time, callback, on_interrupt
+        tol, n_intervals, n_points, max_meshes, max_iterations, max_evaluations, max_time, callback,
+            on_interrupt
             As of `ControlProblem.solve`; intervals and points are those of each phase.
 
         Returns
@@ -135,6 +137,7 @@ class MultiphaseProblem:
             n_points,
             max_meshes,
             max_iterations,
+            max_evaluations,
             max_time,
             callback,
             on_interrupt,
@@ -151,6 +154,7 @@ class MultiphaseProblem:
         n_points: int | None = None,
         max_meshes: int = 20,
         max_iterations: int | None = None,
+        max_evaluations: int | None = None,
         max_time: float | None = None,
         on_interrupt: Literal["raise", "return"] = "raise",
     ) -> SearchResult:
@@ -158,7 +162,8 @@ class MultiphaseProblem:
 
         Parameters
         ----------
-        n_starts, seed, tol, n_intervals, n_points, max_meshes, max_iterations, max_time, on_interrupt
+        n_starts, seed, tol, n_intervals, n_points, max_meshes, max_iterations, max_evaluations, max_time,
+            on_interrupt
             As of `ControlProblem.search`; intervals and points are those of each phase.
 
         Returns
@@ -177,7 +182,16 @@ class MultiphaseProblem:
         ([[0, 1, 2, 3]], 12.0)
         """
         return self._posed.search(
-            n_starts, seed, tol, n_intervals, n_points, max_meshes, max_iterations, max_time, on_interrupt
+            n_starts,
+            seed,
+            tol,
+            n_intervals,
+            n_points,
+            max_meshes,
+            max_iterations,
+            max_evaluations,
+            max_time,
+            on_interrupt,
         )
 
     def _starts(self, guess: MultiphaseResult | Sequence[_Guess] | None) -> Any:

@@ -7,11 +7,12 @@ NumPy calls by the names of its functions.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import linecache
 import math
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from types import FrameType
 from typing import Any
 
@@ -22,7 +23,7 @@ from somersault._somersault.expr import ExpressionGraph
 from somersault.errors import InputError, TraceError
 
 #: Modules whose lines are not those of the user's function.
-_OURS = ("somersault._symbols", "somersault.expr", "numpy")
+_OURS = ("somersault._symbols", "somersault._external", "somersault.expr", "numpy")
 
 
 def _is_of_user(frame: FrameType) -> bool:
@@ -59,6 +60,26 @@ def raised(error: Exception) -> TraceError:
             place = _place(step.tb_frame, step.tb_lineno)
         step = step.tb_next
     return _trace_error(place or "`f`", f"{type(error).__name__}: {error}")
+
+
+#: Calls of functions that are not traced, of the graphs that take them while they are recorded.
+_CALLS: dict[int, list[Any]] = {}
+
+
+@contextlib.contextmanager
+def recording(graph: ExpressionGraph, calls: list[Any] | None) -> Iterator[None]:
+    """While a function is traced; its calls of functions that are not traced are added to the list."""
+    if calls is not None:
+        _CALLS[id(graph)] = calls
+    try:
+        yield
+    finally:
+        _CALLS.pop(id(graph), None)
+
+
+def calls_of(graph: ExpressionGraph) -> list[Any] | None:
+    """The calls recorded with a graph, if it takes any."""
+    return _CALLS.get(id(graph))
 
 
 _NO_VALUE = (

@@ -25,7 +25,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from somersault._somersault.expr import CompiledFunction, ExpressionGraph
-from somersault._symbols import Symbol, SymbolArray, expression, named, objects, raised, stacked, wrapped
+from somersault._symbols import (
+    Symbol,
+    SymbolArray,
+    expression,
+    named,
+    objects,
+    raised,
+    recording,
+    stacked,
+    wrapped,
+)
 from somersault.errors import InputError, SomersaultError
 
 if TYPE_CHECKING:
@@ -83,33 +93,8 @@ class Function:
     """
 
     def __init__(self, f: Callable[..., Any], /, **inputs: int | Sequence[int] | Sequence[str]) -> None:
-        if not callable(f):
-            raise InputError(f"`f` must be a function, found {type(f).__name__}")
-        shapes = {name: _shape(name, given) for name, given in inputs.items()}
-        names = {name: _names(name, given) for name, given in inputs.items()}
-        if sum(map(math.prod, shapes.values())) > _MOST_NUMBERS:
-            raise InputError(f"the inputs must have at most {_MOST_NUMBERS} numbers together")
-        graph = ExpressionGraph()
-        symbols = {}
-        for name, shape in shapes.items():
-            array = np.empty(math.prod(shape), dtype=object)
-            array[:] = [Symbol(graph, graph.input()) for _ in array]
-            symbols[name] = wrapped(array.reshape(shape))
-            if names[name]:
-                symbols[name] = named(symbols[name], names[name])
-        _check_signature(f, symbols)
-        try:
-            returned = f(**symbols)
-        except SomersaultError:
-            raise
-        except Exception as error:
-            raise raised(error) from error
-        found = stacked(returned)
-        if found.size > _MOST_NUMBERS:
-            raise InputError(f"`f` must return at most {_MOST_NUMBERS} numbers, found {found.size}")
-        numbers = [expression(graph, value) for value in found.reshape(-1)]
-        blocks = [(name, list(shape)) for name, shape in shapes.items()]
-        self._set(CompiledFunction(graph, blocks, numbers), shapes, found.shape)
+        graph, blocks, numbers, shapes, shape = _recorded(f, inputs)
+        self._set(CompiledFunction(graph, blocks, numbers), shapes, shape)
 
     def _set(
         self, compiled: CompiledFunction, shapes: Mapping[str, tuple[int, ...]], shape: tuple[int, ...]
@@ -351,6 +336,44 @@ class Function:
         found = np.empty(len(outputs), dtype=object)
         found[:] = [Symbol(graph, number) for number in outputs]
         return wrapped(found.reshape(self._shape))
+
+
+def _recorded(
+    f: Callable[..., Any], inputs: Mapping[str, Any], calls: list[Any] | None = None
+) -> tuple[
+    ExpressionGraph, list[tuple[str, list[int]]], list[int], dict[str, tuple[int, ...]], tuple[int, ...]
+]:
+    """What a function does to symbols: graph, blocks of inputs, expressions of the outputs, shapes of both.
+
+    Calls of functions that are not traced are added to `calls`, with inputs that stand for what they return.
+    """
+    if not callable(f):
+        raise InputError(f"`f` must be a function, found {type(f).__name__}")
+    shapes = {name: _shape(name, given) for name, given in inputs.items()}
+    names = {name: _names(name, given) for name, given in inputs.items()}
+    if sum(map(math.prod, shapes.values())) > _MOST_NUMBERS:
+        raise InputError(f"the inputs must have at most {_MOST_NUMBERS} numbers together")
+    graph = ExpressionGraph()
+    symbols = {}
+    for name, shape in shapes.items():
+        array = np.empty(math.prod(shape), dtype=object)
+        array[:] = [Symbol(graph, graph.input()) for _ in array]
+        symbols[name] = wrapped(array.reshape(shape))
+        if names[name]:
+            symbols[name] = named(symbols[name], names[name])
+    _check_signature(f, symbols)
+    try:
+        with recording(graph, calls):
+            returned = f(**symbols)
+    except SomersaultError:
+        raise
+    except Exception as error:
+        raise raised(error) from error
+    found = stacked(returned)
+    if found.size > _MOST_NUMBERS:
+        raise InputError(f"`f` must return at most {_MOST_NUMBERS} numbers, found {found.size}")
+    numbers = [expression(graph, value) for value in found.reshape(-1)]
+    return graph, [(name, list(shape)) for name, shape in shapes.items()], numbers, shapes, found.shape
 
 
 def _places(pattern: tuple[NDArray[np.int64], NDArray[np.int64]]) -> tuple[Any, Any]:

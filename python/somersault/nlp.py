@@ -51,6 +51,9 @@ _MESSAGES = {
     "stopped": "Stopped by the callback.",
 }
 
+#: How a solve ends for which wrong derivatives may be the reason.
+_SUSPECT = ("stalled", "iteration_limit", "infeasible", "unbounded")
+
 _Vector = NDArray[np.float64]
 
 
@@ -502,7 +505,7 @@ class _Program:
         status, z, rows, held, fun, residuals, nit, counts = found
         x, y, y_x = (np.asarray(values) for values in (z, rows, held))
         message = _MESSAGES.get(status, status)
-        if status == "stalled" and (wrong := self.wrong_derivatives(x)):
+        if status in _SUSPECT and (wrong := self.wrong_derivatives(x)):
             message += " Derivatives disagree with differences: " + "; ".join(wrong) + "."
         _, njev, nhev = counts
         nfev = self.cost.calls

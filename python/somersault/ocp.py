@@ -10,8 +10,9 @@ each result has what that found as `verification`. Results and problems are writ
 
 A `ControlProblem` is any problem of optimal control: dynamics, costs and constraints are functions of NumPy,
 or dynamics are those of a tree. Direct collocation solves it, with costates, on meshes refined to a
-tolerance; a `MultiphaseProblem` is several of them, linked. `CartPendulumProblem` and `arm_problem` are the
-two examples of the thesis.
+tolerance; a `MultiphaseProblem` is several of them, linked. An
+`ExternalFunction` takes part though it cannot be traced. `CartPendulumProblem` and `arm_problem` are the two
+examples of the thesis.
 
 >>> import numpy as np
 >>> from somersault import multibody, ocp
@@ -31,9 +32,17 @@ two examples of the thesis.
 from somersault._arm import arm_motion, arm_problem
 from somersault._batch import solve_batch
 from somersault._control_problem import ControlProblem
+from somersault._external import ExternalFunction
 from somersault._multiphase_problem import MultiphaseProblem
 from somersault._somersault import ocp as _extension
 from somersault._somersault.ocp import *  # noqa: F403
 
-__all__ = ["ControlProblem", "MultiphaseProblem", "arm_motion", "arm_problem", "solve_batch"]
+__all__ = [
+    "ControlProblem",
+    "ExternalFunction",
+    "MultiphaseProblem",
+    "arm_motion",
+    "arm_problem",
+    "solve_batch",
+]
 __all__ += [name for name in _extension.__all__ if not name.startswith("Traced")]

@@ -5,7 +5,7 @@ use somersault_core::Scalar;
 use somersault_core::argument::ArgumentError;
 use somersault_multibody::models::CartPendulum;
 use somersault_multibody::{Joint, Link, MassProperties, ModelBuilder};
-use somersault_nlp::{EvaluationError, Flow, SolverError, Sqp, Status};
+use somersault_nlp::{EvaluationError, Flow, Sqp, Status};
 use somersault_ocp::collocation::{
     Collocation, CollocationError, CollocationStatus, Dynamics, End, Entry, Guess, Interval, Linkage, Mesh,
     Phase, Place, Point, Problem, Quantity, Terms, Transcription, TreeDynamics, VectorFunction,
@@ -188,7 +188,9 @@ fn errors_of_the_user_come_out() {
         let failed =
             Collocation::default().solve(&mut problem, &[mesh()], &mut |_| Flow::Continue).unwrap_err();
         assert!(failed.to_string().contains("the user's own words"), "{failed}");
-        assert!(matches!(failed, CollocationError::Solver(SolverError::Failed { .. })), "{failed:?}");
+        let CollocationError::Failed { report, .. } = failed else { panic!("{failed:?}") };
+        assert_eq!(report.status, CollocationStatus::NotSolved(Status::Failed));
+        assert!(report.phases[0].states.iter().flatten().all(|x| x.is_finite()));
     }
 }
 

@@ -9,3 +9,4 @@ mod optima;
 mod radau;
 mod sensitivity;
 mod starts;
+mod untraced;

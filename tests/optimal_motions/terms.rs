@@ -13,7 +13,7 @@ use somersault_ocp::problem::{At, Loss, MotionProblem};
 use somersault_ocp::shooting::{Phase, Shooting, ShootingOptions, Start};
 use somersault_ocp::swing_up::CartPendulumProblem;
 use somersault_ocp::term::{
-    AxisDirection, BodyOrientation, Entries, Function, Node, NodeGradient, Part, Term,
+    AxisDirection, BodyOrientation, Entries, Function, Node, NodeGradient, Part, Term, wrong_derivative,
 };
 use somersault_ocp::transcription::Transcription;
 use std::cell::Cell;
@@ -160,6 +160,35 @@ fn gradients_of_functions_equal_differences() {
     let dynamics = Tree::try_new(model.clone(), split).unwrap();
     let parts = [Part::Velocity];
     expect_gradient(&model, &mut Function::by_differences("differences", 2, dynamics, true, &parts, rows));
+}
+
+#[test]
+fn a_wrong_gradient_of_a_term_is_named() {
+    let (model, split) = floating();
+    let dynamics = || Tree::try_new(model.clone(), split.clone()).unwrap();
+    let rows = |node: &Node<'_>, rows: &mut [f64]| {
+        rows.copy_from_slice(&[node.position[7].sin(), node.velocity[6] * node.velocity[7]]);
+        Ok(())
+    };
+    let (position, velocity) = (model.neutral(), scattered(model.n_velocities(), 3.0));
+    for (factor, expected) in [(1.0, None), (1.01, Some("∂(row 1)/∂(velocity[6])"))] {
+        let pull_back = move |node: &Node<'_>, y: &[f64], gradient: &mut NodeGradient| {
+            gradient.position[6] += y[0] * node.position[7].cos();
+            gradient.velocity[6] += factor * y[1] * node.velocity[7];
+            gradient.velocity[7] += y[1] * node.velocity[6];
+            Ok(())
+        };
+        let mut term = Function::new("the user's", 2, rows, pull_back).compared_by(dynamics());
+        let node = node(&position, &velocity);
+        let own = term.wrong_derivative(&node).unwrap();
+        let any = wrong_derivative(&mut term, &node, &dynamics()).unwrap();
+        assert_eq!(own, any);
+        assert_eq!(own.as_ref().map(|wrong| wrong.entry.as_str()), expected);
+        if let Some(wrong) = own {
+            assert!((wrong.found - 1.01 * wrong.expected).abs() < 1e-6 * wrong.expected.abs(), "{wrong}");
+            assert!(wrong.to_string().starts_with("the gradient of `the user's` must be its derivative"));
+        }
+    }
 }
 
 thread_local! {

@@ -274,17 +274,17 @@ free = expr.Function(lambda x, y, s, t: [0.0 * t], x=1, y=1, s=(), t=())._compil
 TracedPhase = somersault._somersault.ocp.TracedPhase
 TracedProblem = somersault._somersault.ocp.TracedProblem
 phase = TracedPhase(
-    [rates, effort, free], None, [["x"], ["u"], []],
+    [(rates, []), (effort, []), (free, [])], None, [["x"], ["u"], []],
     [[(-9.0, 9.0)], [(-3.0, 3.0)], [], [(0.0, 0.0)], [(1.0, 1.0)], [], []], None, [(0.0, 0.0), (1.0, 1.0)],
 )  # fmt: skip
 TracedPhase.of_tree(double.model, ["mass"])
 traced = TracedProblem([phase], [[(0.0, 0.0), (1.0, 1.0)]], None)
-traced_result = traced.solve([], 1e-3, 4, 3, 2, 20, None, None, "raise")
+traced_result = traced.solve([], 1e-3, 4, 3, 2, 20, 1000, None, None, "raise")
 traced.sensitivity(traced_result)
 traced.polish(traced_result, 1.0)
-traced.search(2, 1, 1e-3, 4, 3, 2, 20, 1.0, "raise")
-TracedProblem.solve_all([traced], [[]], 1e-3, 4, 3, 2, 20, 1.0, "raise")
-traced.solve(traced_result, 1e-3, None, None, 2, 20, None, None, "raise")
+traced.search(2, 1, 1e-3, 4, 3, 2, 20, 1000, 1.0, "raise")
+TracedProblem.solve_all([traced], [[]], 1e-3, 4, 3, 2, 20, 1000, 1.0, "raise")
+traced.solve(traced_result, 1e-3, None, None, 2, 20, 1000, None, None, "raise")
 TracedProblem(
     [phase, phase], [[(0.0, 0.0), (1.0, 1.0)], [(1.0, 1.0), (2.0, 2.0)]], [(0, 1, "time", 0, 0, (0.0, 0.0))]
 )
@@ -305,6 +305,18 @@ for history in (polished.state, polished.control, polished.costate):
     history([0.6, 0.7])
 for history in (polished.switching, polished.hamiltonian):
     history(0.6)
+external = ocp.ExternalFunction(
+    lambda x: x[0] ** 2,
+    (),
+    jacobian=lambda x: 2 * x[:1],
+    vectorized=True,
+    relative_error=1e-12,
+    name="square",
+)
+external([0.5])
+ocp.ControlProblem(
+    lambda x, u: [u[0] - external(x)], 1, 1, initial=[0], final=[1], running_cost=lambda x, u: u[0] ** 2
+).solve(tol=1e-3, n_intervals=4, max_meshes=2, max_iterations=20, max_evaluations=100, max_time=1.0)
 thrown.search(2, seed=1, tol=1e-3, n_intervals=4, n_points=3, max_meshes=2, max_iterations=20, max_time=1.0)
 ocp.solve_batch(
     [thrown], [None], tol=1e-3, n_intervals=4, n_points=3, max_meshes=2, max_iterations=20, max_time=1.0

@@ -239,6 +239,7 @@ MADE: dict[str, Callable[[], Any]] = {
     # optimal motions
     "CartPendulumProblem": ocp.CartPendulumProblem,
     "CollocationResult": moved,
+    "ExternalFunction": lambda: ocp.ExternalFunction(np.interp, 3, jacobian=np.interp),
     "ControlProblem": lambda: ocp.ControlProblem(lambda x, u: u, states=1, controls=1, final=[1]),
     "Constraint": lambda: ocp.Constraint(
         ocp.entries("torque"), [-1 / 3] * 90, [1 / 3] * 90, at="node", node=3

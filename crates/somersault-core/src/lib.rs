@@ -22,6 +22,7 @@
 
 pub mod argument;
 pub mod cancel;
+pub mod differences;
 pub mod double_double;
 pub mod elliptic;
 mod inertia;

@@ -24,11 +24,22 @@ impl Outcome {
     /// For an evaluation that failed, or came too late.
     pub(crate) fn of_failure(source: Box<dyn Error + Send + Sync>) -> Self {
         match source.downcast_ref::<Exhausted>() {
-            Some(Exhausted::Time) => Self::Ended(Status::TimeLimit),
-            Some(Exhausted::Evaluations) => Self::Ended(Status::EvaluationLimit),
+            Some(exhausted) => Self::Ended(exhausted.status()),
             None => Self::Failed(source),
         }
     }
+}
+
+/// The weight of violations from which on a minimum of cost and weighed violation is one of the program: Σ |y|, and one at least.
+pub(crate) fn penalty(y: &[f64]) -> f64 {
+    y.iter().map(|y| y.abs()).sum::<f64>().max(1.0)
+}
+
+/// Cost and weighed violation, which counts as none up to a tolerance.
+pub(crate) fn merit(cost: f64, residuals: &KktResiduals, penalty: f64, tolerance: f64) -> f64 {
+    let violation = residuals.feasibility;
+    // a NaN stays one
+    if violation <= tolerance { cost } else { cost + penalty * violation }
 }
 
 /// A copy of the best iterate so far.
@@ -39,6 +50,8 @@ pub(crate) struct Best {
     cost: f64,
     residuals: KktResiduals,
     feasibility_tol: f64,
+    /// The largest sum of multipliers so far, which makes f + ρ · violation an exact merit function.
+    penalty: f64,
 }
 
 impl Best {
@@ -50,19 +63,16 @@ impl Best {
             cost: f64::NAN,
             residuals: KktResiduals::UNKNOWN,
             feasibility_tol,
+            penalty: 0.0,
         }
     }
 
-    /// Takes an iterate that is better: feasible before infeasible, then of less cost, or of less violation.
+    /// Takes an iterate of less merit: a start is not the best one because it is feasible.
     pub(crate) fn offer(&mut self, point: &Point, y: &[f64], y_z: &[f64], residuals: KktResiduals) {
-        let tolerance = self.feasibility_tol;
-        let (now, before) = (residuals.feasibility, self.residuals.feasibility);
-        let better = match (now <= tolerance, before <= tolerance) {
-            (true, true) => point.cost < self.cost,
-            (false, false) => before.is_nan() || now < before,
-            (feasible, _) => feasible,
-        };
-        if better {
+        self.penalty = self.penalty.max(penalty(y));
+        let merit =
+            |cost: f64, residuals: &KktResiduals| merit(cost, residuals, self.penalty, self.feasibility_tol);
+        if self.cost.is_nan() || merit(point.cost, &residuals) < merit(self.cost, &self.residuals) {
             self.take(point, y, y_z, residuals);
         }
     }

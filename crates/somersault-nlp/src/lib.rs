@@ -93,9 +93,10 @@ pub use gradient_descent::GradientDescent;
 pub use interior_point::InteriorPoint;
 pub use lbfgs::Lbfgs;
 pub use multi_start::{
-    Failure, FailureCause, Minimum, MultiStart, MultiStartReport, latin_hypercube, samples,
+    Failure, FailureCause, Minimum, MultiStart, MultiStartReport, latin_hypercube, ranked, samples,
 };
 pub use nlp::{Bounds, Curvature, EvaluationError, Nlp, NoEntry, NoHessian, Pattern, Structure};
+pub use program::Exhausted;
 pub use report::{Counts, Iteration, KktResiduals, Report, Start, Status};
 pub use sensitivity::{Derivative, Held, NoDerivative, Sensitivity};
 pub use solver::NlpSolver;

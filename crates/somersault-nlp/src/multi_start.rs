@@ -1,5 +1,6 @@
 //! Many starts, in parallel, and the distinct minima they lead to.
 
+use crate::best::{merit, penalty};
 use crate::error::SolverError;
 use crate::nlp::{Bounds, Nlp};
 use crate::program::{check_bounds, check_positive, check_vector};
@@ -8,9 +9,8 @@ use crate::solver::NlpSolver;
 use rayon::prelude::*;
 use somersault_core::cancel::Flow;
 use somersault_core::random::SplitMix64;
-use std::cmp::Ordering;
 
-/// Violation up to which unfinished solves are compared by their costs.
+/// Violation up to which unfinished solves are compared by their costs alone.
 const FEASIBLE: f64 = 1e-6;
 
 /// Solves from many starts.
@@ -73,28 +73,31 @@ impl MultiStartReport {
         })
     }
 
-    /// Solves that ended without a minimum, best first: feasible ones by their costs, then others by their violations.
+    /// Solves that ended without a minimum, best first by [`ranked`].
     pub fn unfinished(&self) -> Vec<&Report> {
         let ended = self.failures.iter().filter_map(|failure| match &failure.cause {
             FailureCause::Ended(report) => Some(report),
             FailureCause::Error(_) | FailureCause::Skipped => None,
         });
-        let mut ended: Vec<&Report> = ended.collect();
-        ended.sort_by(|a, b| better(a, b));
-        ended
+        let ended: Vec<&Report> = ended.collect();
+        ranked(&ended).into_iter().map(|k| ended[k]).collect()
     }
 }
 
-/// The order of unfinished solves. NaN comes last.
-fn better(a: &Report, b: &Report) -> Ordering {
-    let (by_cost, by_violation) =
-        (a.cost.total_cmp(&b.cost), a.residuals.feasibility.total_cmp(&b.residuals.feasibility));
-    match [a, b].map(|report| report.residuals.feasibility <= FEASIBLE) {
-        [true, true] => by_cost,
-        [true, false] => Ordering::Less,
-        [false, true] => Ordering::Greater,
-        [false, false] => by_violation,
-    }
+/// The order of solves of one program by merit, best first: f + ρ · violation, where ρ is the middle one of their Σ |y|. One that is
+/// feasible is not better for that alone, since a start that no step has left may be. NaN comes last.
+pub fn ranked(reports: &[&Report]) -> Vec<usize> {
+    let mut penalties: Vec<f64> =
+        reports.iter().map(|report| penalty(&report.constraint_multipliers)).collect();
+    penalties.sort_by(f64::total_cmp);
+    let middle = penalties.get(penalties.len() / 2).copied().unwrap_or(1.0);
+    let of = |report: &&Report| merit(report.cost, &report.residuals, middle, FEASIBLE);
+    // a NaN may be negative, and would come first
+    let merits: Vec<f64> =
+        reports.iter().map(of).map(|merit| if merit.is_nan() { f64::INFINITY } else { merit }).collect();
+    let mut order: Vec<usize> = (0..reports.len()).collect();
+    order.sort_by(|&a, &b| merits[a].total_cmp(&merits[b]));
+    order
 }
 
 impl<S> MultiStart<S> {

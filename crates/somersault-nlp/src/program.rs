@@ -2,7 +2,7 @@
 
 use crate::error::SolverError;
 use crate::nlp::{Bounds, EvaluationError, Nlp, Pattern, Structure};
-use crate::report::{Counts, KktResiduals, Start};
+use crate::report::{Counts, KktResiduals, Start, Status};
 use std::time::Instant;
 
 /// A validated program that counts its evaluations and refuses values that are not finite.
@@ -16,13 +16,36 @@ pub(crate) struct Program<'a> {
     pub(crate) max_evaluations: Option<usize>,
 }
 
-/// Why a program is not evaluated any more.
-#[derive(Debug, Clone, Copy, thiserror::Error)]
-pub(crate) enum Exhausted {
+/// Why a program is not evaluated any more. In [`EvaluationError::Failed`] it ends a solve with the status of that reason, not with
+/// an error.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum Exhausted {
+    /// There is no time left.
     #[error("the limit of time was reached")]
     Time,
+    /// There are no evaluations left.
     #[error("the limit of evaluations was reached")]
     Evaluations,
+    /// It was asked to end.
+    #[error("interrupted")]
+    Interrupted,
+}
+
+impl Exhausted {
+    /// How a solve ends by it.
+    pub fn status(self) -> Status {
+        match self {
+            Self::Time => Status::TimeLimit,
+            Self::Evaluations => Status::EvaluationLimit,
+            Self::Interrupted => Status::Interrupted,
+        }
+    }
+}
+
+impl From<Exhausted> for EvaluationError {
+    fn from(exhausted: Exhausted) -> Self {
+        Self::Failed(Box::new(exhausted))
+    }
 }
 
 /// Values at one z.
@@ -87,9 +110,7 @@ impl<'a> Program<'a> {
 
     fn expect_in_time(&self) -> Result<(), EvaluationError> {
         match self.deadline {
-            Some(deadline) if Instant::now() >= deadline => {
-                Err(EvaluationError::Failed(Box::new(Exhausted::Time)))
-            }
+            Some(deadline) if Instant::now() >= deadline => Err(Exhausted::Time.into()),
             Some(_) | None => Ok(()),
         }
     }
@@ -98,10 +119,12 @@ impl<'a> Program<'a> {
     pub(crate) fn evaluate(&mut self, point: &mut Point) -> Result<(), EvaluationError> {
         self.expect_in_time()?;
         if self.max_evaluations.is_some_and(|limit| self.counts.evaluations >= limit) {
-            return Err(EvaluationError::Failed(Box::new(Exhausted::Evaluations)));
+            return Err(Exhausted::Evaluations.into());
         }
-        self.counts.evaluations += 1;
-        point.cost = self.nlp.evaluate(&point.z, &mut point.constraints)?;
+        let found = self.nlp.evaluate(&point.z, &mut point.constraints);
+        let is_refused = matches!(&found, Err(EvaluationError::Failed(source)) if source.is::<Exhausted>());
+        self.counts.evaluations += usize::from(!is_refused);
+        point.cost = found?;
         finite("the cost", std::slice::from_ref(&point.cost))?;
         finite("a constraint", &point.constraints)
     }

@@ -50,6 +50,21 @@ impl Status {
         }
     }
 
+    /// Whether derivatives that are wrong would end a solve so: without a solution, and by no one's wish.
+    pub fn is_suspect(self) -> bool {
+        match self {
+            Self::Stalled | Self::IterationLimit | Self::Infeasible | Self::Unbounded | Self::Undefined => {
+                true
+            }
+            Self::Converged
+            | Self::EvaluationLimit
+            | Self::TimeLimit
+            | Self::Stopped
+            | Self::Interrupted
+            | Self::Failed => false,
+        }
+    }
+
     /// Whether it is [`Status::Converged`].
     pub fn is_converged(self) -> bool {
         self == Self::Converged
@@ -140,8 +155,8 @@ impl From<&[f64]> for Start {
 pub struct Report {
     /// How it ended.
     pub status: Status,
-    /// The best iterate: the last one if converged, stalled or infeasible; else, of those that are feasible to the
-    /// tolerance, the one of lowest cost, or the one of least violation where none is. Always within the bounds of z.
+    /// The best iterate: the last one if converged, stalled or infeasible; else that of the lowest f + ρ · violation, with
+    /// the largest Σ |y| of all iterates for ρ. Always within the bounds of z.
     pub z: Vec<f64>,
     /// y, one for each constraint: positive at upper bounds, negative at lower ones.
     pub constraint_multipliers: Vec<f64>,

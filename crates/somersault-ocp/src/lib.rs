@@ -28,6 +28,8 @@ pub mod swing_up;
 pub mod term;
 pub mod transcription;
 pub mod verification;
+mod wrong_derivative;
 
 pub use error::OcpError;
 pub use nalgebra;
+pub use wrong_derivative::WrongDerivative;

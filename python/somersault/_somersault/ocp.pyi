@@ -195,6 +195,7 @@ class MotionProblem:
         solver: _Solver = "sqp",
         tol: float | None = None,
         max_iterations: int | None = None,
+        max_evaluations: int | None = None,
         max_time: float | None = None,
         callback: _OnIteration | None = None,
         on_interrupt: Literal["raise", "return"] = "raise",
@@ -211,6 +212,7 @@ class MotionProblem:
         solver: _Solver = "sqp",
         tol: float | None = None,
         max_iterations: int | None = None,
+        max_evaluations: int | None = None,
         max_time: float | None = None,
         on_interrupt: Literal["raise", "return"] = "raise",
     ) -> SearchResult: ...
@@ -299,6 +301,7 @@ class Dive:
         soft_weights: Sequence[float] | None = None,
         tol: float | None = None,
         max_iterations: int | None = None,
+        max_evaluations: int | None = None,
         max_time: float | None = None,
         callback: _OnIteration | None = None,
         on_interrupt: Literal["raise", "return"] = "raise",
@@ -311,6 +314,7 @@ class Dive:
         soft_weights: Sequence[float] | None = None,
         tol: float | None = None,
         max_iterations: int | None = None,
+        max_evaluations: int | None = None,
         max_time: float | None = None,
         on_interrupt: Literal["raise", "return"] = "raise",
     ) -> list[DiveSolution]: ...
@@ -482,6 +486,7 @@ class CartPendulumProblem:
         solver: Literal["sqp", "sqp_filter", "sqp_bfgs", "lbfgs", "gradient_descent"] = "sqp",
         tol: float | None = None,
         max_iterations: int | None = None,
+        max_evaluations: int | None = None,
         max_time: float | None = None,
         callback: Callable[[int, _Floats, float, float], object] | None = None,
         on_interrupt: Literal["raise", "return"] = "raise",
@@ -494,6 +499,9 @@ class CartPendulumProblem:
         seed: int = 0,
         reach: float = 1.0,
         distance_tol: float = 1e-4,
+        max_iterations: int | None = None,
+        max_evaluations: int | None = None,
+        max_time: float | None = None,
         on_interrupt: Literal["raise", "return"] = "raise",
     ) -> SearchResult: ...
     def carry_over(self, other: CartPendulumProblem, z: ArrayLike) -> _Floats: ...
@@ -635,6 +643,7 @@ class TracedProblem:
         n_points: int | None,
         max_meshes: int,
         max_iterations: int | None,
+        max_evaluations: int | None,
         max_time: float | None,
         callback: Callable[[int, _Floats, float, float], object] | None,
         on_interrupt: Literal["raise", "return"],
@@ -648,6 +657,7 @@ class TracedProblem:
         n_points: int | None,
         max_meshes: int,
         max_iterations: int | None,
+        max_evaluations: int | None,
         max_time: float | None,
         on_interrupt: Literal["raise", "return"],
     ) -> SearchResult: ...
@@ -660,6 +670,7 @@ class TracedProblem:
         n_points: int | None,
         max_meshes: int,
         max_iterations: int | None,
+        max_evaluations: int | None,
         max_time: float | None,
         on_interrupt: Literal["raise", "return"],
     ) -> list[CollocationOutcome | None]: ...

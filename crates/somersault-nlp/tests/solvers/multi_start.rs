@@ -3,8 +3,8 @@
 use crate::behaviour::Guarded;
 use crate::problems::Problem;
 use somersault_nlp::{
-    Bounds, EvaluationError, FailureCause, MultiStart, MultiStartReport, SolverError, Sqp, Start, Status,
-    samples,
+    Bounds, EvaluationError, FailureCause, Flow, MultiStart, MultiStartReport, NlpSolver, SolverError, Sqp,
+    Start, Status, samples,
 };
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 
@@ -131,4 +131,38 @@ fn bad_ranges_and_distances_are_named() {
     let solver = MultiStart { solver: Sqp::default(), distance_tol: f64::NAN };
     let error = solver.solve(|| camel().program(), &[], || false).unwrap_err().to_string();
     assert!(error.starts_with("`distance_tol` is NaN"), "{error}");
+}
+
+/// x + y on the circle of radius √2, with its minimum −2 at (−1, −1).
+fn circle() -> Problem {
+    let free = (f64::NEG_INFINITY, f64::INFINITY);
+    Problem::new("circle", &[2f64.sqrt(), 0.0], &[free; 2], &[(0.0, 0.0)], -2.0, |x| {
+        vec![x[0] + x[1], x[0] * x[0] + x[1] * x[1] - 2.0]
+    })
+}
+
+#[test]
+fn a_feasible_start_is_not_the_best_one_for_that_alone() {
+    let starts = [vec![2f64.sqrt(), 0.0], vec![-1.0, -0.99], vec![10.0, 10.0]].map(Start::from);
+    let still = MultiStart::new(Sqp { max_iterations: 0, ..Sqp::default() });
+    let found = still.solve(|| circle().program(), &starts, || false).unwrap();
+    let unfinished: Vec<Vec<f64>> = found.unfinished().iter().map(|report| report.z.clone()).collect();
+    assert_eq!(unfinished, [1, 0, 2].map(|k: usize| starts[k].z.clone()));
+}
+
+#[test]
+fn a_feasible_start_is_not_returned_unchanged() {
+    let start = Start::from(vec![2f64.sqrt(), 0.0]);
+    for max_iterations in 1..5 {
+        let solver = Sqp { max_iterations, ..Sqp::default() };
+        let mut violations = Vec::new();
+        let report = solver
+            .solve(&mut circle().program(), &start, &mut |at| {
+                violations.push((at.residuals.feasibility, at.cost));
+                Flow::Continue
+            })
+            .unwrap();
+        assert!(violations[1].0 > 1e-8, "the second point is feasible: {violations:?}");
+        assert!(report.z != start.z && report.cost < 2f64.sqrt(), "{max_iterations}: {report:?}");
+    }
 }

@@ -20,6 +20,8 @@ use somersault_nlp::EvaluationError;
 
 /// Relative and absolute tolerance of each step of the integration.
 const TOLERANCE: f64 = 1e-12;
+/// The same in units of the relative error that functions have, where that is more than rounding.
+const NOISE: f64 = 10.0;
 /// Steps after which an integration counts as impossible.
 const MAX_STEPS: usize = 20_000;
 /// Places within each interval, beside its points, where bounds and path constraints are looked at.
@@ -56,6 +58,20 @@ pub struct Confirmation {
 }
 
 impl Confirmation {
+    /// Of a solution that was not integrated.
+    pub(super) fn unknown(solution: &[PhaseSolution]) -> Self {
+        let of = |phase: &PhaseSolution| PhaseConfirmation {
+            defects: vec![f64::INFINITY; phase.grid.intervals.len()],
+            end_to_end_error: f64::INFINITY,
+            end_to_end_state: vec![f64::NAN; phase.states[0].len()],
+            violation: f64::INFINITY,
+            violated: String::new(),
+            running_cost: f64::NAN,
+            end_cost: f64::NAN,
+        };
+        Self { phases: solution.iter().map(of).collect(), cost: f64::NAN }
+    }
+
     fn largest(&self, of: impl Fn(&PhaseConfirmation) -> f64) -> f64 {
         self.phases.iter().map(of).fold(0.0, f64::max)
     }
@@ -76,7 +92,8 @@ impl Confirmation {
         let (k, worst) = phases.max_by(|a, b| a.1.violation.total_cmp(&b.1.violation))?;
         let PhaseConfirmation { violation, violated, .. } = worst;
         let phase = if self.phases.len() > 1 { format!(" in phase {k}") } else { String::new() };
-        (*violation > allowed).then(|| {
+        // of a motion that was not looked at there is nothing to say
+        (*violation > allowed && !violated.is_empty()).then(|| {
             format!("Between its points it exceeds its bounds by up to {violation:.1e}: {violated}{phase}.")
         })
     }
@@ -193,10 +210,12 @@ fn integrate(
         configuration: Vector(state.iter().copied().chain([0.0]).collect()),
         rate: Vector(vec![0.0; n + 1]),
     };
+    // below the error of the values no step can be judged
+    let tolerance = TOLERANCE.max(NOISE * phase.relative_errors().values);
     let control = Adaptive {
         first_step: Some(0.1 * (end - start)),
         max_steps: MAX_STEPS,
-        ..Adaptive::with_tolerances(TOLERANCE, TOLERANCE)
+        ..Adaptive::with_tolerances(tolerance, tolerance)
     };
     let driven = DrivenPhase::new(phase, solution, k);
     let stepper = RungeKuttaMuntheKaas::<Dop853>::default();

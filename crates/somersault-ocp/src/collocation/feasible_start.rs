@@ -12,9 +12,9 @@ use super::objective::Square;
 use super::optimality::Accuracy;
 use super::problem::{Phase, Problem};
 use super::solution::PhaseSolution;
-use super::solve::{Collocation, MeshRecord, USABLE};
+use super::solve::{Collocation, MeshRecord, USABLE, is_ended};
 use super::transcription::Transcription;
-use somersault_nlp::{Flow, Iteration, NlpSolver, Status};
+use somersault_nlp::{Flow, Iteration, NlpSolver, SolverError};
 use std::time::Instant;
 
 /// The first horizon is the guess's by this, or the shortest allowed.
@@ -63,6 +63,7 @@ impl<S: NlpSolver> Collocation<S> {
         meshes: &[Mesh],
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
         history: &mut Vec<MeshRecord>,
+        left: &mut Option<usize>,
     ) -> Result<Option<Vec<Guess>>, CollocationError> {
         let mut tried: Vec<Vec<(f64, f64)>> = Vec::new();
         for power in 0..MOST {
@@ -70,7 +71,8 @@ impl<S: NlpSolver> Collocation<S> {
             if horizons.iter().any(|(start, end)| start >= end) || tried.contains(&horizons) {
                 continue;
             }
-            let found = self.motion_of_least_effort(problem, meshes, &horizons, on_iteration, history)?;
+            let found =
+                self.motion_of_least_effort(problem, meshes, &horizons, on_iteration, history, left)?;
             if found.is_some() || history.last().is_some_and(|record| is_ended(record.status)) {
                 return Ok(found);
             }
@@ -86,6 +88,7 @@ impl<S: NlpSolver> Collocation<S> {
         horizons: &[(f64, f64)],
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
         history: &mut Vec<MeshRecord>,
+        left: &mut Option<usize>,
     ) -> Result<Option<Vec<Guess>>, CollocationError> {
         let began = Instant::now();
         let bounds = |phase: &Phase| (phase.bounds.initial_time, phase.bounds.final_time);
@@ -93,7 +96,10 @@ impl<S: NlpSolver> Collocation<S> {
         problem.phases.iter_mut().zip(horizons).for_each(|(phase, horizon)| phase.pose_effort(*horizon));
         let solved = Transcription::try_new(problem, meshes).and_then(|mut transcription| {
             let start = transcription.decision_of_guess().into();
-            let program = self.solver.solve(&mut transcription, &start, on_iteration)?;
+            let (program, failure) = self.solved(&mut transcription, &start, on_iteration, left)?;
+            if let Some(source) = failure {
+                return Err(SolverError::Failed { source, report: Box::new(program) }.into());
+            }
             let phases = transcription.solution(&program.z, &program.constraint_multipliers)?;
             Ok((program, phases))
         });
@@ -115,9 +121,4 @@ impl<S: NlpSolver> Collocation<S> {
         let is_motion = program.residuals.feasibility <= USABLE && !is_ended(program.status);
         Ok(is_motion.then(|| phases.iter().map(PhaseSolution::to_guess).collect()))
     }
-}
-
-/// Whether the search was stopped from outside, or must be.
-fn is_ended(status: Status) -> bool {
-    matches!(status, Status::Stopped | Status::Interrupted | Status::Failed | Status::TimeLimit)
 }

@@ -4,9 +4,12 @@
 //! numbers: exactly, in n evaluations for a Jacobian and n (n + 1)/2 for a Hessian. Derivatives that are at
 //! hand otherwise come in as a [`VectorFunction`].
 
+use super::wrong_derivative::{Labels, Whole, contradicted};
+use crate::WrongDerivative;
 use nalgebra::DMatrix;
 use num_dual::{Dual64, HyperDual64};
 use somersault_core::Scalar;
+use somersault_core::differences::Differences;
 use somersault_nlp::EvaluationError;
 use std::sync::Arc;
 
@@ -96,6 +99,51 @@ pub trait VectorFunction: Send {
         weights: &[f64],
         hessian: &mut DMatrix<f64>,
     ) -> Result<(), EvaluationError>;
+
+    /// Receives, before a solve, how large arguments typically are about a point: steps of differences follow from that.
+    fn set_sizes(&mut self, _arguments: &[f64], _sizes: &[f64]) -> Result<(), EvaluationError> {
+        Ok(())
+    }
+
+    /// How accurate it is, if it is less so than rounding.
+    fn relative_errors(&self) -> RelativeErrors {
+        RelativeErrors::default()
+    }
+
+    /// Whether derivatives are compared with differences before a solve, as those should be that were written for one problem.
+    /// All others are where a solve does not converge.
+    fn brings_derivatives(&self) -> bool {
+        false
+    }
+
+    /// A derivative that differences contradict at a point, if there is one. `sizes` are those of arguments, typically; the labels
+    /// are for messages.
+    fn wrong_derivative(
+        &mut self,
+        arguments: &[f64],
+        sizes: &[f64],
+        labels: &Labels,
+    ) -> Result<Option<WrongDerivative>, EvaluationError> {
+        let mut whole = Whole { function: self, n: arguments.len() };
+        contradicted(&mut whole, labels, arguments, sizes, Differences::OF_ROUNDED)
+    }
+}
+
+/// Relative errors of a function, zero where they are rounding.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct RelativeErrors {
+    /// Of the values.
+    pub values: f64,
+    /// Of the Jacobian.
+    pub derivatives: f64,
+}
+
+impl RelativeErrors {
+    /// Those of two functions together.
+    pub(super) fn max(self, other: Self) -> Self {
+        Self { values: self.values.max(other.values), derivatives: self.derivatives.max(other.derivatives) }
+    }
 }
 
 /// Sizes of a phase's arguments.

@@ -63,11 +63,14 @@
 //! using decay rates of Legendre polynomial coefficients*, IEEE Trans. Control Syst. Technol. 26 (2018).
 
 mod bounds;
+mod composed;
 mod confirmation;
 mod entries;
 mod error;
+mod external;
 mod feasible_start;
 mod function;
+mod given_derivatives;
 mod guess;
 mod interval;
 mod layout;
@@ -89,10 +92,13 @@ mod tree;
 mod vector;
 mod view;
 mod winding;
+mod wrong_derivative;
 
+pub use composed::ComposedFunction;
 pub use confirmation::{Confirmation, PhaseConfirmation, confirm, confirm_cancellable};
 pub use error::{CollocationError, Entry};
-pub use function::{Dynamics, Ends, Point, Terms, VectorFunction};
+pub use external::ExternalFunction;
+pub use function::{Dynamics, Ends, Point, RelativeErrors, Terms, VectorFunction};
 pub use guess::Guess;
 pub use interval::Interval;
 pub use linkage::{End, Linkage, Place, Quantity};
@@ -104,8 +110,9 @@ pub use sensitivity::{PhaseDerivative, SolutionDerivative, SolutionSensitivity};
 pub use solution::{PhaseRows, PhaseSolution};
 pub use solve::{Collocation, CollocationReport, CollocationStatus, MeshRecord};
 pub use stacked::Stacked;
-pub use starts::distinct;
+pub use starts::{distinct, ranked};
 pub use traced::TracedFunction;
 pub use transcription::Transcription;
 pub use tree::TreeDynamics;
 pub(crate) use vector::Vector;
+pub use wrong_derivative::Labels;

@@ -1,6 +1,8 @@
 //! Costs and constraints of a phase, whose cost can be exchanged for effort while a start is sought.
 
-use super::function::VectorFunction;
+use super::function::{RelativeErrors, VectorFunction};
+use super::wrong_derivative::Labels;
+use crate::WrongDerivative;
 use nalgebra::DMatrix;
 use somersault_nlp::EvaluationError;
 
@@ -37,6 +39,7 @@ impl Objective {
     }
 }
 
+#[deny(clippy::missing_trait_methods)]
 impl VectorFunction for Objective {
     fn n_outputs(&self) -> usize {
         self.function.n_outputs()
@@ -79,5 +82,26 @@ impl VectorFunction for Objective {
         self.weights.copy_from_slice(weights);
         self.weights[0] = 0.0;
         self.function.add_hessian(arguments, &self.weights, hessian)
+    }
+
+    fn set_sizes(&mut self, arguments: &[f64], sizes: &[f64]) -> Result<(), EvaluationError> {
+        self.function.set_sizes(arguments, sizes)
+    }
+
+    fn relative_errors(&self) -> RelativeErrors {
+        self.function.relative_errors()
+    }
+
+    fn brings_derivatives(&self) -> bool {
+        self.function.brings_derivatives()
+    }
+
+    fn wrong_derivative(
+        &mut self,
+        arguments: &[f64],
+        sizes: &[f64],
+        labels: &Labels,
+    ) -> Result<Option<WrongDerivative>, EvaluationError> {
+        self.function.wrong_derivative(arguments, sizes, labels)
     }
 }

@@ -256,13 +256,25 @@ impl Transcription<'_> {
     ) -> Result<Vec<PhaseSolution>, CollocationError> {
         let mut constraints = vec![0.0; self.row_scales.len()];
         self.evaluate(z, &mut constraints)?;
+        Ok(self.phase_solutions(multipliers))
+    }
+
+    /// The same where functions are not to be called any more: the Hamiltonian is NaN.
+    pub(super) fn unevaluated(&mut self, z: &[f64], multipliers: &[f64]) -> Vec<PhaseSolution> {
+        self.variables.assign(z);
+        let mut phases = self.phase_solutions(multipliers);
+        phases.iter_mut().for_each(|phase| phase.rows.hamiltonian.fill(f64::NAN));
+        phases
+    }
+
+    fn phase_solutions(&self, multipliers: &[f64]) -> Vec<PhaseSolution> {
         let mut row = 0;
         let mut phases = Vec::new();
         for k in 0..self.grids.len() {
             phases.push(self.phase_solution(k, row, multipliers));
             row += self.n_rows(k);
         }
-        Ok(phases)
+        phases
     }
 
     /// Multipliers of the bounds of all variables at a solution, in units of this transcription: what stationarity lacks at those that a

@@ -2,18 +2,24 @@
 
 use super::confirmation::{Confirmation, confirm_cancellable};
 use super::error::CollocationError;
+use super::function::RelativeErrors;
 use super::guess::Guess;
 use super::mesh::Mesh;
-use super::optimality::{Accuracy, optimality};
+use super::optimality::{Accuracy, IntervalOptimality, optimality};
 use super::problem::Problem;
 use super::radau::MAX_POINTS;
 use super::refinement;
 use super::solution::{PhaseSolution, RestMultipliers};
 use super::transcription::Transcription;
 use super::winding::unwind;
-use somersault_core::argument::expect_positive;
+use crate::WrongDerivative;
+use somersault_core::argument::{expect_positive, expect_range};
 use somersault_core::cancel::CancellationToken;
-use somersault_nlp::{Flow, Globalisation, Iteration, NlpSolver, Report, Sqp, Status};
+use somersault_nlp::{
+    Counts, Curvature, EvaluationError, Exhausted, Flow, Globalisation, Iteration, KktResiduals, Nlp,
+    NlpSolver, Report, SolverError, Sqp, Start, Status, Structure,
+};
+use std::error::Error;
 use std::time::{Duration, Instant};
 
 /// How far an infeasible point of a mesh may be from feasible for the next mesh to start from it.
@@ -23,6 +29,8 @@ const PATIENCE: usize = 5;
 const WORTHWHILE: f64 = 0.5;
 /// Meshes in a row whose programs end at their limit of iterations, after which there is no other.
 const CREEPING: usize = 2;
+/// Tolerance of the programs in units of the error of derivatives, where that is more.
+const NOISE: f64 = 10.0;
 /// Relative defect from which on a motion is not coarse but none.
 const NO_MOTION: f64 = 1e-2;
 
@@ -34,6 +42,8 @@ pub struct Collocation<S = Sqp> {
     pub tolerance: f64,
     /// Meshes to try at most, the first among them.
     pub max_meshes: usize,
+    /// Evaluations of cost and constraints at most, of all programs together.
+    pub max_evaluations: Option<usize>,
     /// Points of an interval made by division.
     pub min_points: usize,
     /// Points at which an interval is divided rather than given more.
@@ -47,6 +57,7 @@ impl Default for Collocation {
         Self {
             tolerance: 1e-6,
             max_meshes: 20,
+            max_evaluations: None,
             min_points: 3,
             max_points: 12,
             solver: Sqp { globalisation: Globalisation::Filter, ..Sqp::default() },
@@ -112,9 +123,26 @@ pub struct CollocationReport {
     pub history: Vec<MeshRecord>,
     /// Of the last program.
     pub program: Report,
+    /// A derivative that differences contradict along the motion, where the search did not converge: a likely reason.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub wrong_derivative: Option<WrongDerivative>,
+    /// How accurate the functions were.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub relative_errors: RelativeErrors,
 }
 
 impl CollocationReport {
+    /// Whether the search ended where a wrong derivative would have it end.
+    fn is_suspect(&self) -> bool {
+        match self.status {
+            CollocationStatus::NotSolved(status) => status.is_suspect(),
+            CollocationStatus::MeshLimit => true,
+            CollocationStatus::Converged
+            | CollocationStatus::FalseConvergence
+            | CollocationStatus::NoMinimum => false,
+        }
+    }
+
     /// Whether the first program had no motion, and a better start may have one.
     fn is_lost(&self) -> bool {
         let is_lost =
@@ -137,6 +165,23 @@ enum Origin<'a> {
     Guesses(&'a [Guess]),
     /// At the solution of a like problem.
     Solution(&'a CollocationReport),
+}
+
+impl Collocation {
+    /// The same for functions that are less accurate than rounding: its program is solved as far as derivatives allow it. A
+    /// tolerance below the error of the values is refused.
+    pub fn try_with_errors(mut self, errors: RelativeErrors) -> Result<Self, CollocationError> {
+        let allowed = "at least the relative error of the functions";
+        expect_range("tolerance", self.tolerance, allowed, |tolerance| tolerance >= errors.values)?;
+        let least = NOISE * errors.derivatives;
+        let solver = &mut self.solver;
+        for tolerance in
+            [&mut solver.stationarity_tol, &mut solver.feasibility_tol, &mut solver.complementarity_tol]
+        {
+            *tolerance = tolerance.max(least);
+        }
+        Ok(self)
+    }
 }
 
 impl<S: NlpSolver> Collocation<S> {
@@ -187,17 +232,78 @@ impl<S: NlpSolver> Collocation<S> {
         token: &CancellationToken,
     ) -> Result<CollocationReport, CollocationError> {
         self.check()?;
-        let found = self.search(problem, meshes, origin, Vec::new(), on_iteration, token)?;
-        if !found.is_lost() {
-            return Ok(found);
+        match problem.expect_derivatives() {
+            Err(CollocationError::Evaluation(EvaluationError::Failed(source))) => {
+                return self.not_begun(problem, meshes, source);
+            }
+            expected => expected?,
         }
-        let mut starts = Vec::new();
-        let Some(start) = self.feasible_start(problem, meshes, on_iteration, &mut starts)? else {
-            starts.extend(found.history);
-            return Ok(CollocationReport { history: starts, ..found });
+        let mut left = self.max_evaluations;
+        let mut found = self.search(problem, meshes, origin, Vec::new(), on_iteration, token, &mut left)?;
+        if found.is_lost() {
+            let mut starts = Vec::new();
+            let start = match self.feasible_start(problem, meshes, on_iteration, &mut starts, &mut left) {
+                Err(
+                    CollocationError::Solver(SolverError::Failed { source, .. })
+                    | CollocationError::Evaluation(EvaluationError::Failed(source)),
+                ) => {
+                    starts.extend(found.history);
+                    return ended(found.phases, starts, found.program, source);
+                }
+                start => start?,
+            };
+            let ended = starts.last().map(|mesh| mesh.status).filter(|status| is_ended(*status));
+            if let Some(start) = start {
+                let history = found.history.into_iter().chain(starts).collect();
+                let origin = Origin::Guesses(&start);
+                found = self.search(problem, meshes, origin, history, on_iteration, token, &mut left)?;
+            } else {
+                starts.extend(found.history);
+                let status = ended.map_or(found.status, CollocationStatus::NotSolved);
+                found = CollocationReport { history: starts, status, ..found };
+            }
+        }
+        found.relative_errors = problem.relative_errors();
+        if found.is_suspect() {
+            // what cannot be evaluated there has been said already
+            found.wrong_derivative = problem.wrong_derivative(&found.phases).unwrap_or(None);
+        }
+        Ok(found)
+    }
+
+    /// What there is before the first program: the guess.
+    fn not_begun(
+        &self,
+        problem: &mut Problem,
+        meshes: &[Mesh],
+        source: Box<dyn Error + Send + Sync>,
+    ) -> Result<CollocationReport, CollocationError> {
+        let mut transcription = Transcription::try_new(problem, meshes)?;
+        let z = transcription.decision_of_guess();
+        let multipliers = vec![0.0; transcription.row_scales.len()];
+        let phases = transcription.unevaluated(&z, &multipliers);
+        let nan = f64::NAN;
+        let program = Report {
+            status: Status::Failed,
+            bound_multipliers: vec![0.0; z.len()],
+            z,
+            constraint_multipliers: multipliers,
+            cost: nan,
+            residuals: KktResiduals { stationarity: nan, feasibility: nan, complementarity: nan },
+            iterations: 0,
+            counts: Counts::default(),
+            hessian: None,
         };
-        let history = found.history.into_iter().chain(starts).collect();
-        self.search(problem, meshes, Origin::Guesses(&start), history, on_iteration, token)
+        let history = vec![MeshRecord {
+            meshes: meshes.to_vec(),
+            is_start: false,
+            cost: nan,
+            accuracy: Accuracy::UNKNOWN,
+            status: Status::Failed,
+            iterations: 0,
+            time: Duration::ZERO,
+        }];
+        ended(phases, history, program, source)
     }
 
     /// One search; `history` has what was tried before it.
@@ -209,6 +315,7 @@ impl<S: NlpSolver> Collocation<S> {
         mut history: Vec<MeshRecord>,
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
         token: &CancellationToken,
+        left: &mut Option<usize>,
     ) -> Result<CollocationReport, CollocationError> {
         let tried_before = history.len();
         let mut meshes = meshes.to_vec();
@@ -224,56 +331,61 @@ impl<S: NlpSolver> Collocation<S> {
                     transcription.repeated(&solution.phases, &solution.program)?
                 }
             };
-            let program = self.solver.solve(&mut transcription, &start, on_iteration)?;
-            let mut phases = transcription.solution(&program.z, &program.constraint_multipliers)?;
-            let rest = transcription.rest(&program.constraint_multipliers);
-            let held: Vec<_> = (0..phases.len())
-                .map(|k| transcription.state_multipliers(k, &program.bound_multipliers))
-                .collect();
-            let runs_away = program.status.is_converged()
-                && transcription.time_runs_away(&program.z, &program.constraint_multipliers)?;
-            drop(transcription);
-            for (phase, solution) in problem.phases.iter_mut().zip(&mut phases) {
-                unwind(phase, solution)?;
-            }
-            let is_cut = token.is_cancelled();
-            let size = program.cost.abs().max(1.0);
-            let (mut errors, mut optimal) = (Vec::new(), Vec::new());
-            let mut accuracy = Accuracy::UNKNOWN;
-            if !is_cut {
-                for ((phase, solution), held) in problem.phases.iter_mut().zip(&phases).zip(&held) {
-                    errors.push(refinement::errors(phase, solution)?);
-                    optimal.push(optimality(phase, solution, held)?);
-                }
-                accuracy = Accuracy::default();
-                optimal.iter().flatten().for_each(|found| accuracy.include(&found.accuracy));
-                accuracy.cost /= size;
-                accuracy.equations = errors.iter().flatten().fold(0.0, |m: f64, e| m.max(e.relative));
-            }
-            history.push(MeshRecord {
+            let (program, mut failure) = self.solved(&mut transcription, &start, on_iteration, left)?;
+            let mut record = MeshRecord {
                 meshes: meshes.clone(),
                 is_start: false,
                 cost: program.cost,
-                accuracy,
+                accuracy: Accuracy::UNKNOWN,
                 status: program.status,
                 iterations: program.iterations,
                 time: began.elapsed(),
-            });
+            };
+            let mut phases =
+                match (&failure, transcription.solution(&program.z, &program.constraint_multipliers)) {
+                    (None, Ok(phases)) => phases,
+                    (Some(_), _) => transcription.unevaluated(&program.z, &program.constraint_multipliers),
+                    (None, Err(CollocationError::Evaluation(EvaluationError::Failed(source)))) => {
+                        failure = Some(source);
+                        transcription.unevaluated(&program.z, &program.constraint_multipliers)
+                    }
+                    (None, Err(error)) => return Err(error),
+                };
+            if let Some(source) = failure {
+                history.push(record);
+                return ended(phases, history, program, source);
+            }
+            let rest = transcription.rest(&program.constraint_multipliers);
+            let judged = judge(transcription, &program, &mut phases, token);
+            let Judged { errors, optimal, accuracy, runs_away } = match judged {
+                Ok(judged) => judged,
+                Err(error) => {
+                    history.push(record);
+                    return ended_by(error, phases, history, program);
+                }
+            };
+            record.accuracy = accuracy;
+            record.time = began.elapsed();
+            history.push(record);
+            let size = program.cost.abs().max(1.0);
             let is_met = program.status.is_converged() && accuracy.meets(self.tolerance);
             let here = &history[tried_before..];
             let is_last = here.len() >= self.max_meshes || self.has_settled(here);
             // a finer mesh may help a program out, and has not
             let creeps = here.len() >= CREEPING
                 && here.iter().rev().take(CREEPING).all(|mesh| mesh.status == Status::IterationLimit);
-            if is_cut || is_met || runs_away || is_last || creeps || !is_usable(&program) {
-                return self.report(problem, phases, history, program, runs_away, token);
+            let is_spent = *left == Some(0);
+            let is_cut = token.is_cancelled();
+            if is_cut || is_met || runs_away || is_last || creeps || is_spent || !is_usable(&program) {
+                let ended = (is_spent && !is_met).then_some(Status::EvaluationLimit);
+                return self.report(problem, phases, history, program, (runs_away, ended), token);
             }
             let wishes = refinement::wishes(&errors, &optimal, size, self.tolerance);
             let finer = meshes.iter().zip(&wishes).map(|(mesh, wishes)| self.refined(mesh, wishes));
             // no finer mesh is left, or it would be too large
             let finer: Vec<Mesh> = match finer.collect::<Result<_, _>>() {
                 Ok(finer) if finer != meshes => finer,
-                _ => return self.report(problem, phases, history, program, runs_away, token),
+                _ => return self.report(problem, phases, history, program, (runs_away, None), token),
             };
             meshes = finer;
             previous = Some((phases, rest));
@@ -300,16 +412,22 @@ impl<S: NlpSolver> Collocation<S> {
         phases: Vec<PhaseSolution>,
         history: Vec<MeshRecord>,
         program: Report,
-        runs_away: bool,
+        (runs_away, ended): (bool, Option<Status>),
         token: &CancellationToken,
     ) -> Result<CollocationReport, CollocationError> {
-        let confirmation = confirm_cancellable(problem, &phases, token)?;
+        let confirmation = match confirm_cancellable(problem, &phases, token) {
+            Ok(confirmation) => confirmation,
+            Err(error) => return ended_by(error, phases, history, program),
+        };
         let is_met = history.last().is_some_and(|mesh| mesh.accuracy.meets(self.tolerance));
         let defect = confirmation.max_defect();
         let status = if !program.status.is_converged() {
             CollocationStatus::NotSolved(program.status)
         } else if token.is_cancelled() {
-            CollocationStatus::NotSolved(Status::Interrupted)
+            let is_late = token.has_expired();
+            CollocationStatus::NotSolved(if is_late { Status::TimeLimit } else { Status::Interrupted })
+        } else if let Some(status) = ended {
+            CollocationStatus::NotSolved(status)
         } else if runs_away {
             CollocationStatus::NoMinimum
         } else if defect > if is_met { self.tolerance } else { self.tolerance.max(NO_MOTION) } {
@@ -319,7 +437,32 @@ impl<S: NlpSolver> Collocation<S> {
         } else {
             CollocationStatus::Converged
         };
-        Ok(CollocationReport { status, phases, cost: program.cost, confirmation, history, program })
+        let cost = program.cost;
+        Ok(CollocationReport {
+            status,
+            phases,
+            cost,
+            confirmation,
+            history,
+            program,
+            wrong_derivative: None,
+            relative_errors: RelativeErrors::default(),
+        })
+    }
+
+    /// Solves a program with what is left of the evaluations. Beside the report there is what a function of the user failed with.
+    pub(super) fn solved(
+        &self,
+        transcription: &mut Transcription<'_>,
+        start: &Start,
+        on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
+        left: &mut Option<usize>,
+    ) -> Result<(Report, Option<Box<dyn Error + Send + Sync>>), CollocationError> {
+        match self.solver.solve(&mut Metered { transcription, left }, start, on_iteration) {
+            Ok(report) => Ok((report, None)),
+            Err(SolverError::Failed { source, report }) => Ok((*report, Some(source))),
+            Err(error) => Err(error.into()),
+        }
     }
 
     fn check(&self) -> Result<(), CollocationError> {
@@ -337,6 +480,135 @@ impl<S: NlpSolver> Collocation<S> {
             Err(CollocationError::PointRange { least, most })
         }
     }
+}
+
+/// What was found until a function failed, or what it may take was spent.
+fn ended(
+    phases: Vec<PhaseSolution>,
+    history: Vec<MeshRecord>,
+    program: Report,
+    source: Box<dyn Error + Send + Sync>,
+) -> Result<CollocationReport, CollocationError> {
+    let spent = source.downcast_ref::<Exhausted>().map(|exhausted| exhausted.status());
+    let report = CollocationReport {
+        status: CollocationStatus::NotSolved(spent.unwrap_or(Status::Failed)),
+        confirmation: Confirmation::unknown(&phases),
+        phases,
+        cost: program.cost,
+        history,
+        program,
+        wrong_derivative: None,
+        relative_errors: RelativeErrors::default(),
+    };
+    if spent.is_some() {
+        Ok(report)
+    } else {
+        Err(CollocationError::Failed { source, report: Box::new(report) })
+    }
+}
+
+/// The same of an error that may be that of a function.
+fn ended_by(
+    error: CollocationError,
+    phases: Vec<PhaseSolution>,
+    history: Vec<MeshRecord>,
+    program: Report,
+) -> Result<CollocationReport, CollocationError> {
+    match error {
+        CollocationError::Evaluation(EvaluationError::Failed(source)) => {
+            ended(phases, history, program, source)
+        }
+        error => Err(error),
+    }
+}
+
+/// Estimated errors of the solution of a program.
+struct Judged {
+    errors: Vec<Vec<refinement::IntervalError>>,
+    optimal: Vec<Vec<IntervalOptimality>>,
+    accuracy: Accuracy,
+    runs_away: bool,
+}
+
+/// Unwinds and estimates; nothing is estimated once it is cancelled.
+fn judge(
+    mut transcription: Transcription<'_>,
+    program: &Report,
+    phases: &mut [PhaseSolution],
+    token: &CancellationToken,
+) -> Result<Judged, CollocationError> {
+    let held: Vec<_> =
+        (0..phases.len()).map(|k| transcription.state_multipliers(k, &program.bound_multipliers)).collect();
+    let runs_away = program.status.is_converged()
+        && transcription.time_runs_away(&program.z, &program.constraint_multipliers)?;
+    let problem = transcription.problem;
+    for (phase, solution) in problem.phases.iter_mut().zip(&mut *phases) {
+        unwind(phase, solution)?;
+    }
+    let (mut errors, mut optimal) = (Vec::new(), Vec::new());
+    let mut accuracy = Accuracy::UNKNOWN;
+    if !token.is_cancelled() {
+        for ((phase, solution), held) in problem.phases.iter_mut().zip(&*phases).zip(&held) {
+            errors.push(refinement::errors(phase, solution)?);
+            optimal.push(optimality(phase, solution, held)?);
+        }
+        accuracy = Accuracy::default();
+        optimal.iter().flatten().for_each(|found| accuracy.include(&found.accuracy));
+        accuracy.cost /= program.cost.abs().max(1.0);
+        accuracy.equations = errors.iter().flatten().fold(0.0, |m: f64, e| m.max(e.relative));
+    }
+    Ok(Judged { errors, optimal, accuracy, runs_away })
+}
+
+/// A program that may be evaluated so often.
+struct Metered<'a, 'p> {
+    transcription: &'a mut Transcription<'p>,
+    left: &'a mut Option<usize>,
+}
+
+#[deny(clippy::missing_trait_methods)]
+impl Nlp for Metered<'_, '_> {
+    fn structure(&self) -> &Structure {
+        self.transcription.structure()
+    }
+
+    fn evaluate(&mut self, z: &[f64], constraints: &mut [f64]) -> Result<f64, EvaluationError> {
+        match self.left {
+            Some(0) => return Err(Exhausted::Evaluations.into()),
+            Some(left) => *left -= 1,
+            None => {}
+        }
+        self.transcription.evaluate(z, constraints)
+    }
+
+    fn differentiate(
+        &mut self,
+        z: &[f64],
+        gradient: &mut [f64],
+        jacobian: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        self.transcription.differentiate(z, gradient, jacobian)
+    }
+
+    fn curvature(&self) -> Curvature {
+        self.transcription.curvature()
+    }
+
+    fn hessian(
+        &mut self,
+        z: &[f64],
+        cost_factor: f64,
+        multipliers: &[f64],
+        hessian: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        self.transcription.hessian(z, cost_factor, multipliers, hessian)
+    }
+}
+
+/// Whether the search was stopped from outside, or must be.
+pub(super) fn is_ended(status: Status) -> bool {
+    use Status::{EvaluationLimit, Failed, Interrupted, Stopped, TimeLimit};
+    matches!(status, Stopped | Interrupted | Failed | TimeLimit | EvaluationLimit)
 }
 
 /// Whether another mesh may start from where this program ended.

@@ -1,6 +1,8 @@
 //! Functions one below the other, each of some of the arguments.
 
-use super::function::VectorFunction;
+use super::function::{RelativeErrors, VectorFunction};
+use super::wrong_derivative::Labels;
+use crate::WrongDerivative;
 use nalgebra::DMatrix;
 use somersault_nlp::EvaluationError;
 
@@ -39,6 +41,7 @@ impl Stacked {
     }
 }
 
+#[deny(clippy::missing_trait_methods)]
 impl VectorFunction for Stacked {
     fn n_outputs(&self) -> usize {
         self.n_outputs
@@ -88,5 +91,51 @@ impl VectorFunction for Stacked {
             weights = rest;
         }
         Ok(())
+    }
+
+    fn set_sizes(&mut self, arguments: &[f64], sizes: &[f64]) -> Result<(), EvaluationError> {
+        for part in &mut self.parts {
+            part.gather(arguments);
+            let own: Vec<f64> = part.places.iter().map(|&place| sizes[place]).collect();
+            part.function.set_sizes(&part.arguments, &own)?;
+        }
+        Ok(())
+    }
+
+    fn relative_errors(&self) -> RelativeErrors {
+        self.parts
+            .iter()
+            .map(|part| part.function.relative_errors())
+            .fold(RelativeErrors::default(), RelativeErrors::max)
+    }
+
+    fn brings_derivatives(&self) -> bool {
+        self.parts.iter().any(|part| part.function.brings_derivatives())
+    }
+
+    fn wrong_derivative(
+        &mut self,
+        arguments: &[f64],
+        sizes: &[f64],
+        labels: &Labels,
+    ) -> Result<Option<WrongDerivative>, EvaluationError> {
+        let mut first = 0;
+        for part in &mut self.parts {
+            part.gather(arguments);
+            let end = first + part.function.n_outputs();
+            let of = |all: &[String]| part.places.iter().map(|&place| all[place].clone()).collect();
+            let own = Labels {
+                function: labels.function.clone(),
+                outputs: labels.outputs[first..end].to_vec(),
+                arguments: of(&labels.arguments),
+            };
+            let of_part: Vec<f64> = part.places.iter().map(|&place| sizes[place]).collect();
+            let found = part.function.wrong_derivative(&part.arguments, &of_part, &own)?;
+            if found.is_some() {
+                return Ok(found);
+            }
+            first = end;
+        }
+        Ok(None)
     }
 }

@@ -5,8 +5,9 @@ use super::guess::Guess;
 use super::interval::Interval;
 use super::problem::{Phase, Problem};
 use super::solution::PhaseSolution;
-use super::solve::CollocationReport;
+use super::solve::{CollocationReport, CollocationStatus};
 use somersault_core::random::SplitMix64;
+use somersault_nlp::Report;
 use std::f64::consts::PI;
 
 /// Times of a random guess, and sines of each state along it.
@@ -133,4 +134,17 @@ pub fn distinct(found: Vec<(usize, CollocationReport)>) -> Vec<(CollocationRepor
         starts.sort_unstable();
     }
     all
+}
+
+/// Solutions that did not converge, best first by the merit of their programs ([`somersault_nlp::ranked`]); those that are no motions
+/// come last.
+pub fn ranked(found: Vec<(usize, CollocationReport)>) -> Vec<(usize, CollocationReport)> {
+    let programs: Vec<&Report> = found.iter().map(|(_, report)| &report.program).collect();
+    let mut place = vec![0; found.len()];
+    for (rank, k) in somersault_nlp::ranked(&programs).into_iter().enumerate() {
+        place[k] = rank;
+    }
+    let mut all: Vec<_> = place.into_iter().zip(found).collect();
+    all.sort_by_key(|(place, (_, report))| (report.status == CollocationStatus::FalseConvergence, *place));
+    all.into_iter().map(|(_, found)| found).collect()
 }

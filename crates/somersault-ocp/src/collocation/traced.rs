@@ -1,6 +1,8 @@
 //! Functions traced into expression graphs, with the derivatives of these.
 
 use super::function::VectorFunction;
+use super::wrong_derivative::Labels;
+use crate::WrongDerivative;
 use nalgebra::DMatrix;
 use somersault_expr::{ArgumentError, Derivative, Evaluator, ExprError, ExprFunction};
 use somersault_nlp::EvaluationError;
@@ -86,5 +88,15 @@ impl VectorFunction for TracedFunction {
             hessian[(column, row)] += value;
         }
         Ok(())
+    }
+
+    /// None: they are those of the graph.
+    fn wrong_derivative(
+        &mut self,
+        _: &[f64],
+        _: &[f64],
+        _: &Labels,
+    ) -> Result<Option<WrongDerivative>, EvaluationError> {
+        Ok(None)
     }
 }

@@ -1,6 +1,7 @@
 //! The problem as a nonlinear program.
 
 use super::{Constraint, Cost, MotionProblem, SampledTerm};
+use crate::WrongDerivative;
 use crate::term::{Node, Term};
 use crate::transcription::Transcription;
 use somersault_nlp::{Curvature, EvaluationError, Nlp, NoHessian, Structure};
@@ -22,6 +23,30 @@ impl<T: Transcription> MotionProblem<T> {
         (0..self.costs.len())
             .map(|c| Ok((self.costs[c].sampled.term.name().to_owned(), self.cost(c)?)))
             .collect()
+    }
+
+    /// The first derivative of a term of a user's that differences contradict at `z`, of those that can be compared: what may be behind
+    /// a solve that did not converge.
+    pub fn wrong_derivative(&mut self, z: &[f64]) -> Result<Option<WrongDerivative>, EvaluationError> {
+        self.transcription.rollout(z)?;
+        let costs = self.costs.iter_mut().map(|cost| &mut cost.sampled);
+        for SampledTerm { term, nodes } in costs.chain(self.constraints.iter_mut().map(|c| &mut c.sampled)) {
+            let rows = &mut self.work.value[..term.n_rows()];
+            // at first, halfway and last
+            let mut last = None;
+            for k in [0, nodes.len() / 2, nodes.len().saturating_sub(1)] {
+                let Some(&number) = nodes.get(k).filter(|number| last.replace(**number) != Some(**number))
+                else {
+                    continue;
+                };
+                let node = self.transcription.node(number);
+                evaluate(&mut **term, &node, rows)?;
+                if let Some(wrong) = term.wrong_derivative(&node)? {
+                    return Ok(Some(wrong));
+                }
+            }
+        }
+        Ok(None)
     }
 
     /// One part of the cost of the last rollout.

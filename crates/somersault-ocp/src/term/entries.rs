@@ -25,7 +25,17 @@ pub enum Part {
 }
 
 impl Part {
-    fn name(self) -> &'static str {
+    pub(super) const ALL: [Self; 7] = [
+        Self::Time,
+        Self::Velocity,
+        Self::Acceleration,
+        Self::Torque,
+        Self::Channel,
+        Self::ChannelRate,
+        Self::ChannelSecondRate,
+    ];
+
+    pub(super) fn name(self) -> &'static str {
         match self {
             Self::Time => "time",
             Self::Velocity => "velocity",

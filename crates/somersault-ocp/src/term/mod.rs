@@ -17,9 +17,10 @@ mod momentum;
 pub use body::{AxisDirection, BodyOrientation, PointPosition};
 pub use displacement::Displacement;
 pub use entries::{Entries, Part};
-pub use function::{Function, UserError};
+pub use function::{Function, UserError, wrong_derivative};
 pub use momentum::{Momentum, MomentumPart};
 
+use crate::WrongDerivative;
 use somersault_nlp::EvaluationError;
 
 /// A motion at one time, all of it, as a transcription leaves it.
@@ -105,8 +106,15 @@ pub trait Term: Send {
         y: &[f64],
         gradient: &mut NodeGradient,
     ) -> Result<(), EvaluationError>;
+
+    /// An entry of the gradient that differences contradict at a node, where it is one that a user wrote and can be compared; see
+    /// [`wrong_derivative`].
+    fn wrong_derivative(&mut self, _node: &Node<'_>) -> Result<Option<WrongDerivative>, EvaluationError> {
+        Ok(None)
+    }
 }
 
+#[deny(clippy::missing_trait_methods)]
 impl<T: Term + ?Sized> Term for Box<T> {
     fn name(&self) -> &str {
         (**self).name()
@@ -131,5 +139,9 @@ impl<T: Term + ?Sized> Term for Box<T> {
         gradient: &mut NodeGradient,
     ) -> Result<(), EvaluationError> {
         (**self).pull_back(node, y, gradient)
+    }
+
+    fn wrong_derivative(&mut self, node: &Node<'_>) -> Result<Option<WrongDerivative>, EvaluationError> {
+        (**self).wrong_derivative(node)
     }
 }

@@ -32,7 +32,7 @@ use somersault::multibody::mjcf::MjcfError;
 use somersault::multibody::models::PostureError;
 use somersault::multibody::urdf::UrdfError;
 use somersault::multibody::{DynamicsError, ModelError};
-use somersault::nlp::{NoDerivative, SolverError};
+use somersault::nlp::{EvaluationError, NoDerivative, SolverError};
 use somersault::ocp::OcpError;
 use somersault::ocp::collocation::CollocationError;
 
@@ -83,6 +83,14 @@ impl Error {
     /// A function or a result that has no value.
     pub(crate) fn evaluation(message: impl Into<String>) -> Self {
         Self::Own { class: Class::Evaluation, message: message.into() }
+    }
+
+    /// What a function of the user failed with: what it raised in Python, as it was raised.
+    pub(crate) fn failed(source: Box<dyn std::error::Error + Send + Sync>) -> Self {
+        match source.downcast::<PyErr>() {
+            Ok(raised) => Self::Raised(*raised),
+            Err(other) => Self::evaluation(other.to_string()),
+        }
     }
 
     /// A file or document that is not what it should be.
@@ -336,7 +344,7 @@ impl From<OcpError> for Error {
 impl From<SolverError> for Error {
     fn from(error: SolverError) -> Self {
         match error {
-            SolverError::Failed { source, .. } => Self::own(Class::Evaluation, &source),
+            SolverError::Failed { source, .. } => Self::failed(source),
             error => Self::own(Class::Input, &error),
         }
     }
@@ -346,6 +354,8 @@ impl From<CollocationError> for Error {
     fn from(error: CollocationError) -> Self {
         match error {
             CollocationError::Solver(error) => error.into(),
+            CollocationError::Failed { source, .. }
+            | CollocationError::Evaluation(EvaluationError::Failed(source)) => Self::failed(source),
             CollocationError::Evaluation(error) => Self::own(Class::Evaluation, &error),
             CollocationError::NoDerivative(
                 error @ (NoDerivative::NotIsolated | NoDerivative::Dependent { .. }),

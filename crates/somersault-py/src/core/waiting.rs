@@ -116,7 +116,16 @@ pub(crate) fn attend_or_leave<T: Send + 'static>(
     patience: Duration,
     work: impl FnOnce(&CancellationToken) -> T + Send + 'static,
 ) -> Result<(T, Option<PyErr>), Error> {
-    let token = Arc::new(CancellationToken::new());
+    attend_or_leave_by(py, patience, Arc::default(), work)
+}
+
+/// The same with a token that others look at too, and which may have a deadline.
+pub(crate) fn attend_or_leave_by<T: Send + 'static>(
+    py: Python<'_>,
+    patience: Duration,
+    token: Arc<CancellationToken>,
+    work: impl FnOnce(&CancellationToken) -> T + Send + 'static,
+) -> Result<(T, Option<PyErr>), Error> {
     if works() {
         return Ok((py.detach(|| work(&token)), None));
     }
@@ -232,14 +241,14 @@ impl SignalTimer {
 /// How the waiting thread cancels work, and why.
 #[derive(Default)]
 pub(crate) struct Cancellation {
-    pub(crate) token: CancellationToken,
+    pub(crate) token: Arc<CancellationToken>,
     raised: OnceLock<PyErr>,
 }
 
 impl Cancellation {
     /// With a time after which work is to end.
     pub(crate) fn at(deadline: Option<Instant>) -> Self {
-        Self { token: CancellationToken::with_deadline(deadline), ..Self::default() }
+        Self { token: Arc::new(CancellationToken::with_deadline(deadline)), ..Self::default() }
     }
 
     /// Ends the work, by what a handler of signals raised.

@@ -1,10 +1,11 @@
 //! The callables of an optimal control problem, differentiated by its user, in a run.
 
-use super::differences::{Differences, expect_derivative};
+use super::differences::{expect_derivative, slopes_of};
 use super::run::Run;
 use super::watched::{call, no_value};
 use crate::core::error::Error;
 use pyo3::prelude::*;
+use somersault::core::differences::Slopes;
 use somersault::ftla::nalgebra::DMatrix;
 use somersault::ftla::system::{DifferentiatedProblem, ProblemDerivatives};
 use std::sync::Arc;
@@ -68,13 +69,13 @@ impl DifferentiatedCallables {
             let slopes = self.slopes(&at[..n], costate, &at[n..]);
             slopes.iter().all(|value| value.is_finite()).then_some(slopes)
         };
-        let of_dynamics = Differences::of(&at, n, |at| given(0, &[n], at));
-        let of_cost = Differences::of(&at, 1, |at| given(1, &[], at));
-        let of_slopes = Differences::of(&at, width, slopes);
+        let of_dynamics = slopes_of(&at, n, |at| given(0, &[n], at));
+        let of_cost = slopes_of(&at, 1, |at| given(1, &[], at));
+        let of_slopes = slopes_of(&at, width, slopes);
         let jacobian = self.call(2, &[x, u], &[x.len(), width]);
         let gradient = self.call(3, &[x, u], &[width]);
         let (hessian, _) = self.hessian(x, costate, u);
-        let expect = |name: &str, of: &str, written: &[f64], found: &Option<Differences>| {
+        let expect = |name: &str, of: &str, written: &[f64], found: &Option<Slopes>| {
             expect_derivative(&self.run, name, of, written, found.as_ref());
         };
         expect("jacobian(x, u)", "dynamics", &jacobian, &of_dynamics);

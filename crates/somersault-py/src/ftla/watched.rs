@@ -1,6 +1,6 @@
 //! The system of one calculation: compiled, or Python callables, and stopped when the calculation is.
 
-use super::differences::{Differences, expect_derivative};
+use super::differences::{expect_derivative, slopes_of};
 use super::run::Run;
 use crate::core::convert::with_shape;
 use crate::core::error::Error;
@@ -131,7 +131,7 @@ impl VectorField for Watched {
                 };
                 if self.run.checks_derivatives() {
                     let field = |p: &[f64]| self.call("field", &own.field, p, &[n]);
-                    let found = Differences::of(p, n, field);
+                    let found = slopes_of(p, n, field);
                     expect_derivative(&self.run, "jacobian(p)", "field", &rows, found.as_ref());
                 }
                 d.copy_from_slice(&rows);

@@ -127,10 +127,7 @@ pub(crate) fn solve_program(
     let report = match solved {
         Ok(report) => report,
         Err(SolverError::Failed { source, report }) => {
-            let error = match source.downcast::<PyErr>() {
-                Ok(error) => *error,
-                Err(other) => Error::evaluation(other.to_string()).into(),
-            };
+            let error = Error::failed(source).into();
             return Err(with_solution(py, error, found(*report)));
         }
         Err(error) => return Err(error.into()),

@@ -27,7 +27,7 @@ pub(crate) struct SearchArguments<S> {
 
 impl<S: NlpSolver + Send + Sync> SearchArguments<S> {
     /// Solves from all starts without the interpreter, which looks for Ctrl-C meanwhile. `reported` makes reports of
-    /// the variables that the caller knows, `verifier` what integrates their motion again.
+    /// the variables that the caller knows, `verifier` what integrates their motion again, `wrong_derivative` what is said of a derivative that is wrong.
     pub(crate) fn run<N: Nlp>(
         self,
         py: Python<'_>,
@@ -35,6 +35,7 @@ impl<S: NlpSolver + Send + Sync> SearchArguments<S> {
         make: impl Fn() -> Result<N, Error> + Sync,
         reported: impl Fn(nlp::Report) -> nlp::Report,
         verifier: impl Fn(&nlp::Report) -> Option<Arc<Verifier>>,
+        wrong_derivative: impl Fn(&nlp::Report) -> Option<String>,
     ) -> Result<SearchResult, Error> {
         tolerance("distance_tol", Some(self.distance_tol))?;
         let many = MultiStart { distance_tol: self.distance_tol, ..MultiStart::new(self.solver) };
@@ -43,7 +44,7 @@ impl<S: NlpSolver + Send + Sync> SearchArguments<S> {
         let found = attend(py, |raised| cancellation.raise(raised), solve)??;
         let raised = cancellation.raised().map(|raised| raised.clone_ref(py));
         let is_late = cancellation.token.has_expired() && raised.is_none();
-        let result = SearchResult::of(py, found, is_late, reported, verifier)?;
+        let result = SearchResult::of(py, found, is_late, reported, verifier, wrong_derivative)?;
         deliver(py, raised, self.returned, result)
     }
 }
@@ -77,6 +78,7 @@ impl SearchResult {
         is_late: bool,
         reported: impl Fn(nlp::Report) -> nlp::Report,
         verifier: impl Fn(&nlp::Report) -> Option<Arc<Verifier>>,
+        wrong_derivative: impl Fn(&nlp::Report) -> Option<String>,
     ) -> Result<Self, Error> {
         let status = match (found.is_interrupted(), is_late, found.minima.is_empty()) {
             (true, true, _) => "time_limit",
@@ -84,13 +86,16 @@ impl SearchResult {
             (false, _, false) => "converged",
             (false, _, true) => "no_minimum",
         };
+        // that of the best iterate stands for all
+        let wrong = found.unfinished().first().and_then(|report| wrong_derivative(report));
         let report = |report: nlp::Report| {
+            let wrong_derivative = wrong.clone().filter(|_| report.status.is_suspect());
             let mut report = reported(report);
             if is_late && report.status == Status::Interrupted {
                 report.status = Status::TimeLimit;
             }
             let verifier = verifier(&report);
-            Ok(Py::new(py, Report { report, verifier })?.into_any())
+            Ok(Py::new(py, Report { report, verifier, wrong_derivative })?.into_any())
         };
         let unfinished: Vec<nlp::Report> = found.unfinished().into_iter().cloned().collect();
         let mut search = Self {
@@ -137,8 +142,7 @@ value! {
         success: bool = |own| !own.minima.is_empty();
         /// list of Report, CollocationResult or MultiphaseResult: Distinct minima, that of lowest cost first.
         minima: Vec<Py<PyAny>> = |own, py| all(py, &own.minima);
-        /// list: Best iterates of starts that did not get to a minimum, best first: feasible ones by their costs, then others by
-        /// their violations; of a collocated problem by their violations.
+        /// list: Best iterates of starts that did not get to a minimum, best first by merit: cost and weighed violation.
         unfinished: Vec<Py<PyAny>> = |own, py| all(py, &own.unfinished);
         /// list of tuple: Number of each start that led to no minimum, and why.
         failures: Vec<(usize, String)> = |own| own.failures.clone();

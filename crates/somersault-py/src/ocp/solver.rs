@@ -25,6 +25,8 @@ pub(crate) struct Report {
     pub(crate) report: nlp::Report,
     /// None where the program has no motion of its own.
     pub(crate) verifier: Option<Arc<Verifier>>,
+    /// What is said of a derivative that differences contradict at z.
+    pub(crate) wrong_derivative: Option<String>,
 }
 
 value! {
@@ -72,13 +74,17 @@ value! {
 
 #[pymethods]
 impl Report {
-    /// str: The status in a sentence, and another about the verification.
+    /// str: The status in a sentence, and another about the verification. Where a solve did not converge, the derivative of a
+    /// user-defined term that differences contradict at z, if there is one.
     #[getter]
     fn message(&self, py: Python<'_>) -> PyResult<String> {
-        let status = self.report.status.message();
+        let status = match &self.wrong_derivative {
+            Some(wrong) => format!("{}. A likely reason: {wrong}", self.report.status.message()),
+            None => self.report.status.message().to_owned(),
+        };
         Ok(match &self.verifier {
             Some(verifier) => format!("{status}. {}", verifier.judge(py)?.1),
-            None => status.to_owned(),
+            None => status,
         })
     }
 
@@ -121,6 +127,7 @@ impl Report {
             report.hessian.as_deref().map(numbers),
             verification,
             motion,
+            slf.get().wrong_derivative.clone(),
         );
         by_restore(slf, arguments)
     }
@@ -128,7 +135,8 @@ impl Report {
     /// A pickled report.
     #[classmethod]
     #[pyo3(signature = (
-        status, vectors, cost, residuals, iterations, counts, hessian, verification, motion=None
+        status, vectors, cost, residuals, iterations, counts, hessian, verification, motion=None,
+        wrong_derivative=None
     ))]
     fn _restore(
         cls: &Bound<'_, PyType>,
@@ -141,6 +149,7 @@ impl Report {
         hessian: Option<Vec<f64>>,
         verification: Option<Py<PyAny>>,
         motion: Option<Py<PyAny>>,
+        wrong_derivative: Option<String>,
     ) -> Result<Self, Error> {
         let (z, constraint_multipliers, bound_multipliers) = vectors;
         let (stationarity, feasibility, complementarity) = residuals;
@@ -161,7 +170,7 @@ impl Report {
             hessian,
         };
         let verifier = verification.map(|found| Arc::new(Verifier::of(cls.py(), found, motion)));
-        Ok(Self { report, verifier })
+        Ok(Self { report, verifier, wrong_derivative })
     }
 }
 
@@ -197,6 +206,7 @@ pub(crate) struct SolverArguments<'a, 'py> {
     pub(crate) solver: &'a str,
     pub(crate) tol: Option<f64>,
     pub(crate) max_iterations: Option<i64>,
+    pub(crate) max_evaluations: Option<i64>,
     pub(crate) max_time: Option<f64>,
     pub(crate) callback: Option<&'a Bound<'py, PyAny>>,
     pub(crate) on_interrupt: &'a str,
@@ -220,6 +230,7 @@ impl SolverArguments<'_, '_> {
         let max_time = duration(self.max_time)?;
         let tol = tolerance("tol", self.tol)?;
         let max_iterations = limit("max_iterations", self.max_iterations, 0)?;
+        let max_evaluations = limit("max_evaluations", self.max_evaluations, 1)?;
         let sqp = |hessian, globalisation| {
             let default = Sqp::default();
             Box::new(Sqp {
@@ -229,6 +240,7 @@ impl SolverArguments<'_, '_> {
                 feasibility_tol: tol.unwrap_or(default.feasibility_tol),
                 complementarity_tol: tol.unwrap_or(default.complementarity_tol),
                 max_iterations: max_iterations.unwrap_or(default.max_iterations),
+                max_evaluations,
                 max_time,
                 ..default
             })
@@ -237,6 +249,7 @@ impl SolverArguments<'_, '_> {
         let limits = Limits {
             stationarity_tol: tol.unwrap_or(default.stationarity_tol),
             max_iterations: max_iterations.unwrap_or(default.max_iterations),
+            max_evaluations,
             max_time,
             ..default
         };
@@ -285,15 +298,13 @@ impl SolverArguments<'_, '_> {
         } else {
             py.detach(|| solve(&*solver, &mut watch))
         };
-        let verified = |report: nlp::Report| Report { verifier: verifier(&report), report };
+        let verified =
+            |report: nlp::Report| Report { verifier: verifier(&report), report, wrong_derivative: None };
         let report = match found {
             Ok(report) if watcher.is_interrupted(py) => verified(report.interrupted()),
             Ok(report) => verified(report),
             Err(SolverError::Failed { source, report }) => {
-                let error = match source.downcast::<PyErr>() {
-                    Ok(error) => *error,
-                    Err(other) => Error::evaluation(other.to_string()).into(),
-                };
+                let error = Error::failed(source).into();
                 return Err(with_solution(py, error, verified(*report)));
             }
             Err(error) => return Err(error.into()),

@@ -1,9 +1,9 @@
 //! The pendulum on a cart, brought from one state to another.
 
-use super::arguments::{count, seed_of, starts_or_none};
+use super::arguments::{count, limit, seed_of, starts_or_none};
 use super::problem::Motion;
 use super::search::{SearchArguments, SearchResult};
-use super::solver::{Report, SolverArguments};
+use super::solver::{Report, SolverArguments, deadline};
 use super::verification::{SwingUpVerification, VerificationFailure, Verifier};
 use crate::core::convert::{
     array, entries_or_none, finite, integer, integer_or_none, numbers_or_one, with_shape,
@@ -354,6 +354,8 @@ impl CartPendulumProblem {
     /// tol : float, optional
     ///     Of the scaled gradient of the Lagrangian, and of the gaps.
     /// max_iterations : int, optional
+    /// max_evaluations : int, optional
+    ///     Of cost and constraints.
     /// max_time : float, optional
     ///     s.
     /// callback : callable, optional
@@ -373,7 +375,8 @@ impl CartPendulumProblem {
     /// >>> report.status, round(report.cost, 2)
     /// ('converged', 478.39)
     #[pyo3(signature = (
-        z=None, *, solver="sqp", tol=None, max_iterations=None, max_time=None, callback=None, on_interrupt="raise"
+        z=None, *, solver="sqp", tol=None, max_iterations=None, max_evaluations=None, max_time=None, callback=None,
+        on_interrupt="raise"
     ))]
     fn solve(
         &self,
@@ -382,12 +385,21 @@ impl CartPendulumProblem {
         solver: &str,
         tol: Option<f64>,
         #[pyo3(from_py_with = integer_or_none)] max_iterations: Option<i64>,
+        #[pyo3(from_py_with = integer_or_none)] max_evaluations: Option<i64>,
         max_time: Option<f64>,
         callback: Option<&Bound<'_, PyAny>>,
         on_interrupt: &str,
     ) -> Result<Report, Error> {
         let mut start = self.start_from(z)?;
-        let arguments = SolverArguments { solver, tol, max_iterations, max_time, callback, on_interrupt };
+        let arguments = SolverArguments {
+            solver,
+            tol,
+            max_iterations,
+            max_evaluations,
+            max_time,
+            callback,
+            on_interrupt,
+        };
         let n = self.n_variables();
         if !solver.starts_with("sqp") {
             start.z.truncate(n);
@@ -420,6 +432,10 @@ impl CartPendulumProblem {
     ///     Amplitude of the first half wave, m; that of the m-th is an m-th of it.
     /// distance_tol : float, optional
     ///     Two minima are the same if no variable differs by more, relative to its size where that is above 1.
+    /// max_iterations, max_evaluations : int, optional
+    ///     Of each start; evaluations are those of cost and constraints.
+    /// max_time : float, optional
+    ///     Of all starts, s.
     /// on_interrupt : {'raise', 'return'}, optional
     ///     What Ctrl-C does: raise with what has been found as the attribute ``solution``, or return it.
     ///
@@ -434,7 +450,8 @@ impl CartPendulumProblem {
     /// >>> found.success, len(found.minima)
     /// (True, 1)
     #[pyo3(signature = (
-        n_starts=32, *, starts=None, seed=0, reach=1.0, distance_tol=1e-4, on_interrupt="raise"
+        n_starts=32, *, starts=None, seed=0, reach=1.0, distance_tol=1e-4, max_iterations=None, max_evaluations=None,
+        max_time=None, on_interrupt="raise"
     ))]
     fn search(
         &self,
@@ -444,6 +461,9 @@ impl CartPendulumProblem {
         #[pyo3(from_py_with = integer)] seed: i64,
         reach: f64,
         distance_tol: f64,
+        #[pyo3(from_py_with = integer_or_none)] max_iterations: Option<i64>,
+        #[pyo3(from_py_with = integer_or_none)] max_evaluations: Option<i64>,
+        max_time: Option<f64>,
         on_interrupt: &str,
     ) -> Result<SearchResult, Error> {
         let returned = returns_interrupted(on_interrupt)?;
@@ -454,10 +474,16 @@ impl CartPendulumProblem {
         let mut all = given.iter().map(from).collect::<Result<Vec<Start>, Error>>()?;
         let cold = self.lifted.starts(n_starts, reach, seed);
         all.extend(cold.map_err(|error| Error::from(error).with_names(&NAMES))?);
-        let arguments = SearchArguments { solver: Sqp::default(), distance_tol, deadline: None, returned };
+        let default = Sqp::default();
+        let solver = Sqp {
+            max_iterations: limit("max_iterations", max_iterations, 0)?.unwrap_or(default.max_iterations),
+            max_evaluations: limit("max_evaluations", max_evaluations, 1)?,
+            ..default
+        };
+        let arguments = SearchArguments { solver, distance_tol, deadline: deadline(max_time)?, returned };
         let n = self.n_variables();
         let make = || Ok(self.lifted.clone());
-        arguments.run(py, &all, make, |report| of_cart(report, n), |report| self.verifier(report))
+        arguments.run(py, &all, make, |report| of_cart(report, n), |report| self.verifier(report), |_| None)
     }
 
     /// The decision vector with which this problem has the motion nearest to one of another problem.

@@ -1,24 +1,49 @@
 //! Many solves at once, on all threads.
 
 use super::NAMES;
-use super::search::Settings;
+use super::search::{Settings, ended_by};
 use crate::core::error::Error;
 use crate::core::waiting::{Cancellation, attend};
 use crate::ocp::solver::deadline;
 use pyo3::prelude::*;
 use rayon::prelude::*;
+use somersault::core::cancel::CancellationToken;
 use somersault::nlp::{Flow, Iteration, Status};
-use somersault::ocp::collocation::{CollocationReport, CollocationStatus, Problem};
+use somersault::ocp::collocation::{CollocationError, CollocationReport, Problem};
 use std::sync::Arc;
 
 /// Results of all solves.
 pub(super) struct Many {
     /// None where it had not begun when all were to end.
-    pub(super) outcomes: Vec<Option<Result<CollocationReport, Error>>>,
+    pub(super) outcomes: Vec<Option<Result<CollocationReport, Fault>>>,
     /// What a handler of signals raised meanwhile.
     pub(super) raised: Option<PyErr>,
     /// Whether the time was over.
     pub(super) is_late: bool,
+}
+
+/// Why a solve has no report of its own.
+pub(super) struct Fault {
+    pub(super) error: Error,
+    /// What was found until a function of the user raised the error.
+    pub(super) report: Option<Box<CollocationReport>>,
+}
+
+impl From<Error> for Fault {
+    fn from(error: Error) -> Self {
+        Self { error, report: None }
+    }
+}
+
+impl From<CollocationError> for Fault {
+    fn from(error: CollocationError) -> Self {
+        match error {
+            CollocationError::Failed { source, report } => {
+                Self { error: Error::failed(source), report: Some(report) }
+            }
+            error => Error::from(error).with_names(&NAMES).into(),
+        }
+    }
 }
 
 /// A problem, and the solution of a like one to start from.
@@ -30,13 +55,14 @@ pub(super) fn solve_many(
     settings: &Settings,
     max_time: Option<f64>,
     n: usize,
-    make: impl Fn(usize) -> Result<Job, Error> + Sync,
+    make: impl Fn(usize, &Arc<CancellationToken>) -> Result<Job, Error> + Sync,
 ) -> Result<Many, Error> {
     let (collocation, mesh) = settings.collocation(None)?;
     let cancellation = Cancellation::at(deadline(max_time)?);
     let token = &cancellation.token;
-    let solve = |k: usize| -> Result<CollocationReport, Error> {
-        let (mut problem, solution) = make(k)?;
+    let solve = |k: usize| -> Result<CollocationReport, Fault> {
+        let (mut problem, solution) = make(k, token)?;
+        let collocation = collocation.clone().try_with_errors(problem.relative_errors())?;
         let look = &mut |_: &Iteration<'_>| if token.is_cancelled() { Flow::Stop } else { Flow::Continue };
         let found = match solution.filter(|_| settings.keeps_mesh()) {
             Some(solution) => collocation.solve_again(&mut problem, &solution, look, token),
@@ -45,7 +71,7 @@ pub(super) fn solve_many(
                 collocation.solve_cancellable(&mut problem, &meshes, look, token)
             }
         };
-        found.map_err(|error| Error::from(error).with_names(&NAMES))
+        Ok(found?)
     };
     // one problem to a job: some take a hundred times as long as others
     let all = || {
@@ -56,15 +82,6 @@ pub(super) fn solve_many(
     let raised = cancellation.raised().map(|raised| raised.clone_ref(py));
     let is_late = raised.is_none() && token.has_expired();
     let ended = if is_late { Status::TimeLimit } else { Status::Interrupted };
-    for report in outcomes.iter_mut().flatten().flatten() {
-        if let CollocationStatus::NotSolved(status @ (Status::Stopped | Status::Interrupted)) =
-            &mut report.status
-        {
-            *status = ended;
-        }
-        if matches!(report.program.status, Status::Stopped | Status::Interrupted) {
-            report.program.status = ended;
-        }
-    }
+    outcomes.iter_mut().flatten().flatten().for_each(|report| ended_by(report, ended));
     Ok(Many { outcomes, raised, is_late })
 }

@@ -1,6 +1,7 @@
 //! Problems of optimal control by direct collocation, in one phase or several.
 
 mod arguments;
+mod external;
 mod many;
 mod multiphase_result;
 mod outcome;

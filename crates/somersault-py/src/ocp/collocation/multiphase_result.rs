@@ -28,6 +28,8 @@ fn of_phase(report: &CollocationReport, k: usize) -> CollocationReport {
         confirmation: Confirmation { phases: vec![confirmed], cost },
         history: report.history.iter().map(of_mesh).collect(),
         program: report.program.clone(),
+        wrong_derivative: report.wrong_derivative.clone(),
+        relative_errors: report.relative_errors,
     }
 }
 

@@ -11,6 +11,9 @@ use somersault::ocp::collocation::{CollocationReport, CollocationStatus};
 use somersault::ocp::verification::{self, momentum_drift};
 use std::sync::Arc;
 
+/// How messages introduce a derivative that is wrong.
+const LIKELY: &str = "A likely reason: ";
+
 /// Result of collocation, of one phase or several.
 #[pyclass(frozen, subclass, module = "somersault.ocp")]
 pub(crate) struct CollocationOutcome {
@@ -79,7 +82,7 @@ value! {
         cost_error: f64 = |own| own.report.accuracy().cost;
         /// Report: Of the last program.
         report: Report =
-            |own| Report { report: own.report.program.clone(), verifier: Some(own.verifier.clone()) };
+            |own| Report { report: own.report.program.clone(), verifier: Some(own.verifier.clone()), wrong_derivative: None };
     }
 }
 
@@ -101,8 +104,9 @@ impl CollocationOutcome {
         }
     }
 
-    /// str: The status in a sentence, and another where bounds or path constraints are exceeded by more than the tolerance
-    /// between the collocation points or at an end, where they are not required: what, by how much and when.
+    /// str: The status in a sentence, and others where derivatives are differences, and where bounds or path constraints are exceeded by
+    /// more than the tolerance between the collocation points or at an end, where they are not required: what, by how much and when. Where
+    /// the program was not solved, the derivative that differences contradict along the motion, if there is one.
     #[getter]
     pub(super) fn message(&self) -> String {
         let defect = self.max_defect();
@@ -114,13 +118,16 @@ impl CollocationOutcome {
                 "false convergence: the program was solved, but on re-integration its motion leaves its own nodes by \
                  {defect:.1e}"
             ),
-            CollocationStatus::NotSolved(Status::Interrupted)
-                if self.report.program.status.is_converged() =>
-            {
-                return "interrupted before its motion was confirmed; its program was solved".to_owned();
+            CollocationStatus::NotSolved(status) if self.report.program.status.is_converged() => {
+                return match status {
+                    Status::Interrupted => "interrupted before its motion was confirmed".to_owned(),
+                    status => format!("{} before the search had ended", status.message()),
+                } + "; its program was solved";
             }
             CollocationStatus::NotSolved(status) => {
-                return format!("the program of the last mesh was not solved: {}", status.message());
+                let said = format!("the program of the last mesh was not solved: {}", status.message());
+                let wrong = self.report.wrong_derivative.as_ref();
+                return wrong.map_or(said.clone(), |wrong| format!("{said}. {LIKELY}{wrong}"));
             }
             CollocationStatus::NoMinimum => {
                 "no minimum: the cost still falls along a free time, which runs away; bound the duration \
@@ -134,9 +141,13 @@ impl CollocationOutcome {
             // statuses to come end a search as well
             _ => "failed".to_owned(),
         };
-        match self.report.confirmation.violation_sentence(self.tol) {
-            Some(violation) => format!("{said}. {violation}"),
-            None => said,
-        }
+        let error = self.report.relative_errors.derivatives;
+        let differenced = (error > 0.0).then(|| {
+            format!("Some derivatives are differences, with relative errors of about {error:.0e}, and costates are no more accurate.")
+        });
+        let violation = self.report.confirmation.violation_sentence(self.tol);
+        let wrong = self.report.wrong_derivative.as_ref().map(|wrong| format!("{LIKELY}{wrong}"));
+        let more: Vec<String> = wrong.into_iter().chain(differenced).chain(violation).collect();
+        if more.is_empty() { said } else { format!("{said}. {}", more.join(" ")) }
     }
 }

@@ -2,35 +2,36 @@
 
 use super::NAMES;
 use super::arguments::intervals_of;
+use super::external::{GivenFunction, Recorded};
 use super::result::Subject;
 use crate::core::error::Error;
-use crate::expr::CompiledFunction;
 use crate::multibody::model::Model;
 use pyo3::prelude::*;
-use somersault::expr::ExprFunction;
+use somersault::core::cancel::CancellationToken;
 use somersault::ocp::collocation::{
-    CollocationError, Guess, Interval, Phase, Problem, Stacked, TracedFunction, TreeDynamics, VectorFunction,
+    CollocationError, Guess, Interval, Phase, Problem, Stacked, TreeDynamics, VectorFunction,
 };
+use std::sync::Arc;
 
 /// What `ControlProblem` is made of, once its functions are traced.
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct TracedPhase {
     dynamics: Dynamics,
     /// L with path constraints.
-    path: ExprFunction,
+    path: Recorded,
     /// Φ with end constraints.
-    ends: ExprFunction,
+    ends: Recorded,
     pub(super) subject: Subject,
     bounds: Bounds,
     scales: Option<(Vec<f64>, Vec<f64>)>,
 }
 
 enum Dynamics {
-    Traced(ExprFunction),
+    Function(Recorded),
     /// Forces at the degrees of freedom, and what else has a rate.
     Tree {
         dynamics: Box<TreeDynamics>,
-        further: ExprFunction,
+        further: Recorded,
     },
 }
 
@@ -54,25 +55,33 @@ pub(super) fn named(error: Error) -> Error {
 }
 
 impl TracedPhase {
-    /// The phase on a horizon.
-    pub(super) fn phase(&self, [start, end]: [Interval; 2], guess: Option<Guess>) -> Result<Phase, Error> {
+    /// The phase on a horizon. Functions that are not traced look at the token.
+    pub(super) fn phase(
+        &self,
+        [start, end]: [Interval; 2],
+        guess: Option<Guess>,
+        token: &Arc<CancellationToken>,
+    ) -> Result<Phase, Error> {
         let (bounds, subject) = (&self.bounds, &self.subject);
         let [m, n_parameters] = [subject.controls.len(), subject.parameters.len()];
         let mut phase = match &self.dynamics {
-            Dynamics::Traced(dynamics) => {
-                Phase::try_traced([dynamics, &self.path, &self.ends], m, n_parameters)?
+            Dynamics::Function(dynamics) if self.untraced().next().is_none() => {
+                let functions = [&dynamics.function, &self.path.function, &self.ends.function];
+                Phase::try_traced(functions, m, n_parameters)?
+            }
+            Dynamics::Function(dynamics) => {
+                Phase::with_derivatives(dynamics.built(token)?, m, n_parameters, ())
+                    .terms_with_derivatives(self.path.built(token)?, self.ends.built(token)?)
             }
             Dynamics::Tree { dynamics, further } => {
-                let (n, all) = (dynamics.n_states(), further.n_inputs());
-                let first = n + further.n_outputs();
+                let (n, all) = (dynamics.n_states(), further.function.n_inputs() - further.n_returned());
+                let first = n + further.function.n_outputs();
                 let tree: Box<dyn VectorFunction> = Box::new(TreeDynamics::clone(dynamics));
-                let further: Box<dyn VectorFunction> = Box::new(TracedFunction::try_new(further)?);
                 let places = (0..n).chain(first..first + m).collect();
-                let stacked = Stacked::new(vec![(tree, places), (further, (0..all).collect())]);
-                Phase::with_derivatives(Box::new(stacked), m, n_parameters, ()).terms_with_derivatives(
-                    Box::new(TracedFunction::try_new(&self.path)?),
-                    Box::new(TracedFunction::try_new(&self.ends)?),
-                )
+                let further = (further.built(token)?, (0..all).collect());
+                let stacked = Stacked::new(vec![(tree, places), further]);
+                Phase::with_derivatives(Box::new(stacked), m, n_parameters, ())
+                    .terms_with_derivatives(self.path.built(token)?, self.ends.built(token)?)
             }
         };
         phase = phase
@@ -94,22 +103,30 @@ impl TracedPhase {
         })
     }
 
+    /// Names of the functions that are not traced.
+    pub(super) fn untraced(&self) -> impl Iterator<Item = &str> {
+        let (Dynamics::Function(dynamics) | Dynamics::Tree { further: dynamics, .. }) = &self.dynamics;
+        dynamics.names().chain(self.path.names()).chain(self.ends.names())
+    }
+
     /// A path constraint that an end cannot meet: nothing is collocated at the very end, so that a program would leap there. What
     /// is checked are constraints of what is fixed at that end.
     fn check_path(&self, horizon: [Interval; 2]) -> Result<(), Error> {
         let bounds = &self.bounds;
-        let jacobian = self.path.jacobian()?;
-        let mut values = vec![0.0; self.path.n_outputs()];
+        let jacobian = self.path.function.jacobian()?;
+        let mut values = vec![0.0; self.path.function.n_outputs()];
         let n_controls = bounds.controls.len();
         for (argument, end, time) in
             [("initial", &bounds.initial, horizon[0]), ("final", &bounds.last, horizon[1])]
         {
             let free = std::iter::repeat_n(&Interval::FREE, n_controls);
+            // what is not traced is not known here
+            let returned = std::iter::repeat_n(&Interval::FREE, self.path.n_returned());
             let all: Vec<&Interval> =
-                end.iter().chain(free).chain(&bounds.parameters).chain([&time]).collect();
+                end.iter().chain(free).chain(&bounds.parameters).chain([&time]).chain(returned).collect();
             let at: Vec<f64> =
                 all.iter().map(|interval| if interval.is_fixed() { interval.lower } else { 0.0 }).collect();
-            self.path.evaluator().evaluate(&at, &mut values).map_err(CollocationError::from)?;
+            self.path.function.evaluator().evaluate(&at, &mut values).map_err(CollocationError::from)?;
             for (k, (value, allowed)) in values[1..].iter().zip(&bounds.path).enumerate() {
                 let mut depends = jacobian.sparsity().entries().filter(|(row, _)| *row == k + 1);
                 let rounding = 1e-9 * value.abs().max(1.0);
@@ -127,12 +144,13 @@ impl TracedPhase {
 
 #[pymethods]
 impl TracedPhase {
-    /// Functions: f, or what has a rate beside the tree; L with path constraints; Φ with end constraints. A tree with the degrees
+    /// Functions, each with calls of others that are not traced: f, or what has a rate beside the tree; L with path constraints; Φ with
+    /// end constraints. A tree with the degrees
     /// of freedom that have a force. Names of states, controls and parameters; bounds of these, of both ends, of path and end
     /// constraints; scales of states and controls. A horizon to check all of that with.
     #[new]
     fn new(
-        functions: [Py<CompiledFunction>; 3],
+        functions: [GivenFunction; 3],
         tree: Option<(Py<Model>, Vec<usize>)>,
         names: [Vec<String>; 3],
         bounds: [Pairs; 7],
@@ -141,10 +159,11 @@ impl TracedPhase {
     ) -> Result<Self, Error> {
         let [states, controls, parameters] = names;
         let [x, u, p, initial, last, path_bounds, end_bounds] = bounds.map(intervals_of);
-        let [dynamics, path, ends] = functions.map(|function| function.get().function.clone());
+        let [dynamics, path, ends] = functions.map(Recorded::try_new);
+        let (dynamics, path, ends) = (dynamics?, path?, ends?);
         let model = tree.as_ref().map(|(model, _)| model.get().model.clone());
         let dynamics = match tree {
-            None => Dynamics::Traced(dynamics),
+            None => Dynamics::Function(dynamics),
             Some((model, actuated)) => {
                 let tree = TreeDynamics::try_new(&model.get().model, &actuated)?;
                 Dynamics::Tree { dynamics: Box::new(tree), further: dynamics }
@@ -167,7 +186,8 @@ impl TracedPhase {
             scales,
         };
         let horizon = horizon.map(|(lower, upper)| Interval::new(lower, upper));
-        Problem::try_new(posed.phase(horizon, None)?).map_err(|error| named(error.into()))?;
+        Problem::try_new(posed.phase(horizon, None, &Arc::default())?)
+            .map_err(|error| named(error.into()))?;
         posed.check_path(horizon)?;
         Ok(posed)
     }

@@ -9,9 +9,10 @@ use crate::ocp::solver::{Report, status_name, status_of};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyType};
 use somersault::multibody;
+use somersault::ocp::WrongDerivative;
 use somersault::ocp::collocation::{
     Accuracy, CollocationReport, CollocationStatus, Confirmation, Mesh, MeshRecord, PhaseConfirmation,
-    PhaseRows, PhaseSolution,
+    PhaseRows, PhaseSolution, RelativeErrors,
 };
 use std::sync::Arc;
 use std::time::Duration;
@@ -61,6 +62,9 @@ type OnMesh = (Vec<f64>, Vec<usize>, (f64, f64));
 type Confirmed = (Vec<f64>, f64, Vec<f64>, (f64, String), (f64, f64), f64);
 /// Of a mesh: bounds, points, whether it was for a start, cost, errors, status, steps, seconds.
 type Tried = (Vec<f64>, Vec<usize>, bool, f64, [f64; 5], String, usize, f64);
+
+/// A derivative that is wrong: function, derivative, entry, numbers found and expected, place. Relative errors of values and derivatives.
+type Remarks = (Option<(String, String, String, f64, f64, String)>, [f64; 2]);
 
 impl CollocationResult {
     pub(super) fn of(
@@ -275,6 +279,11 @@ impl CollocationResult {
             (confirmed.running_cost, confirmed.end_cost),
             report.confirmation.cost,
         );
+        let wrong = report.wrong_derivative.clone();
+        let wrong = wrong.map(|WrongDerivative { function, derivative, entry, found, expected, place }| {
+            (function, derivative, entry, found, expected, place)
+        });
+        let remarks: Remarks = (wrong, [report.relative_errors.values, report.relative_errors.derivatives]);
         let arguments = (
             own.model(),
             (own.state_names(), own.control_names(), own.parameter_names(), phase.parameters.clone()),
@@ -284,13 +293,15 @@ impl CollocationResult {
             phase.hamiltonian.clone(),
             integrated,
             report.history.iter().map(tried).collect::<Vec<_>>(),
-            Report { report: report.program.clone(), verifier: None },
+            Report { report: report.program.clone(), verifier: None, wrong_derivative: None },
+            remarks,
         );
         by_restore(slf, arguments)
     }
 
     /// A pickled result.
     #[classmethod]
+    #[pyo3(signature = (model, subject, outcome, on_mesh, tables, hamiltonian, integrated, history, program, remarks=None))]
     fn _restore(
         cls: &Bound<'_, PyType>,
         model: Option<&Bound<'_, Model>>,
@@ -302,7 +313,9 @@ impl CollocationResult {
         integrated: Confirmed,
         history: Vec<Tried>,
         program: &Bound<'_, Report>,
+        remarks: Option<Remarks>,
     ) -> Result<Py<Self>, Error> {
+        let (wrong, [values, derivatives]) = remarks.unwrap_or_default();
         let (status, cost, tol) = outcome;
         let status = match status.as_str() {
             "converged" => CollocationStatus::Converged,
@@ -366,6 +379,10 @@ impl CollocationResult {
             confirmation: Confirmation { phases: vec![confirmed], cost: accurate },
             history: history.into_iter().map(tried).collect::<Result<_, Error>>()?,
             program: program.get().report.clone(),
+            wrong_derivative: wrong.map(|(function, derivative, entry, found, expected, place)| {
+                WrongDerivative { function, derivative, entry, found, expected, place }
+            }),
+            relative_errors: RelativeErrors { values, derivatives },
         };
         Ok(Self::of(cls.py(), report, subject, tol)?)
     }

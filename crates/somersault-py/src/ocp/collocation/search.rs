@@ -2,14 +2,16 @@
 
 use super::NAMES;
 use crate::core::error::Error;
-use crate::core::waiting::{attend_or_leave, deliver, returns_interrupted};
+use crate::core::waiting::{attend_or_leave_by, deliver, returns_interrupted, with_solution};
 use crate::ocp::arguments::{count, limit, tolerance};
-use crate::ocp::solver::{Watcher, duration};
+use crate::ocp::solver::{Watcher, deadline, duration};
 use pyo3::PyClass;
 use pyo3::prelude::*;
 use somersault::core::cancel::CancellationToken;
 use somersault::nlp::{Flow, Iteration, Sqp, Status};
-use somersault::ocp::collocation::{Collocation, CollocationReport, CollocationStatus, Mesh, Problem};
+use somersault::ocp::collocation::{
+    Collocation, CollocationError, CollocationReport, CollocationStatus, Mesh, Problem,
+};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -29,6 +31,7 @@ pub(super) struct Settings {
     pub(super) sizes: [Option<i64>; 2],
     pub(super) max_meshes: i64,
     pub(super) max_iterations: Option<i64>,
+    pub(super) max_evaluations: Option<i64>,
 }
 
 impl Settings {
@@ -50,6 +53,7 @@ impl Settings {
         let collocation = Collocation {
             tolerance: self.tol,
             max_meshes: count("max_meshes", self.max_meshes, 1)?,
+            max_evaluations: limit("max_evaluations", self.max_evaluations, 1)?,
             solver: Sqp {
                 max_iterations: most.unwrap_or(default.solver.max_iterations),
                 max_time,
@@ -82,14 +86,17 @@ impl SearchOptions<'_, '_> {
         self,
         py: Python<'_>,
         n_phases: usize,
-        problem: impl FnOnce() -> Result<Problem, Error>,
+        problem: impl FnOnce(&Arc<CancellationToken>) -> Result<Problem, Error>,
         result: impl FnOnce(CollocationReport) -> Result<Py<R>, Error>,
     ) -> Result<Py<R>, Error> {
         let returned = returns_interrupted(self.on_interrupt)?;
         let (collocation, mesh) = self.settings.collocation(duration(self.max_time)?)?;
+        let token = Arc::new(CancellationToken::with_deadline(deadline(self.max_time)?));
         let again = self.solution.filter(|_| self.settings.keeps_mesh());
         let meshes = vec![mesh; n_phases];
-        let (mut problem, mut watcher) = (problem()?, Watcher::new(self.callback)?);
+        let (mut problem, mut watcher) = (problem(&token)?, Watcher::new(self.callback)?);
+        let named = |error: CollocationError| Error::from(error).with_names(&NAMES);
+        let collocation = collocation.try_with_errors(problem.relative_errors()).map_err(named)?;
         let search = move |token: &CancellationToken| {
             let mut look = |iteration: &Iteration<'_>| -> Flow {
                 if token.is_cancelled() { Flow::Stop } else { watcher.look(iteration) }
@@ -100,16 +107,35 @@ impl SearchOptions<'_, '_> {
             };
             (found, watcher)
         };
-        let ((found, mut watcher), raised) = attend_or_leave(py, PATIENCE, search)?;
+        let ((found, mut watcher), raised) = attend_or_leave_by(py, PATIENCE, token.clone(), search)?;
         watcher.hears(raised);
-        let mut report = found.map_err(|error| Error::from(error).with_names(&NAMES))?;
-        if watcher.is_interrupted(py) {
-            report.program = report.program.interrupted();
-            if let CollocationStatus::NotSolved(status @ Status::Stopped) = &mut report.status {
-                *status = Status::Interrupted;
+        let mut report = match found {
+            Ok(report) => report,
+            Err(CollocationError::Failed { source, report }) => {
+                let error = PyErr::from(Error::failed(source));
+                return Err(with_solution(py, error, result(*report)?));
             }
+            Err(error) => return Err(named(error)),
+        };
+        if watcher.is_interrupted(py) {
+            ended_by(&mut report, Status::Interrupted);
+        } else if token.has_expired() {
+            ended_by(&mut report, Status::TimeLimit);
         }
         let result = result(report)?;
         deliver(py, watcher.into_raised(), returned, result)
+    }
+}
+
+/// A search that was stopped for another reason than its callback's.
+pub(super) fn ended_by(report: &mut CollocationReport, reason: Status) {
+    let is_stopped = |status: Status| matches!(status, Status::Stopped | Status::Interrupted);
+    if let CollocationStatus::NotSolved(status) = &mut report.status
+        && is_stopped(*status)
+    {
+        *status = reason;
+    }
+    if is_stopped(report.program.status) {
+        report.program.status = reason;
     }
 }

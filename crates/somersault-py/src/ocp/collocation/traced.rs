@@ -1,6 +1,6 @@
 //! A problem of optimal control whose functions were traced, of one phase or several.
 
-use super::many::{Job, solve_many};
+use super::many::{Fault, Job, solve_many};
 use super::phase::{TracedPhase, named};
 use super::result::Subject;
 use super::search::{SearchOptions, Settings};
@@ -12,10 +12,11 @@ use crate::ocp::arguments::{count, seed_of};
 use crate::ocp::search::SearchResult;
 use crate::ocp::solver::deadline;
 use pyo3::prelude::*;
+use somersault::core::cancel::CancellationToken;
 use somersault::ocp::arcs::{Polish, Polished, Verdict};
 use somersault::ocp::collocation::{
     CollocationReport, CollocationStatus, End, Guess, Interval, Linkage, PhaseSolution, Place, Problem,
-    Quantity, distinct,
+    Quantity, distinct, ranked,
 };
 use std::sync::Arc;
 
@@ -90,11 +91,12 @@ fn linkage((left, right, what, i, j, (lower, upper)): Link) -> Result<Linkage, E
 }
 
 impl TracedProblem {
-    fn problem(&self, guesses: Vec<Guess>) -> Result<Problem, Error> {
+    /// The problem from guesses. Functions that are not traced look at the token.
+    fn problem(&self, guesses: Vec<Guess>, token: &Arc<CancellationToken>) -> Result<Problem, Error> {
         let mut guesses = guesses.into_iter();
         let each = self.phases.iter().zip(&self.horizons);
         let phases = each
-            .map(|(phase, horizon)| phase.get().phase(*horizon, guesses.next()))
+            .map(|(phase, horizon)| phase.get().phase(*horizon, guesses.next(), token))
             .collect::<Result<_, _>>()?;
         Problem::try_of_phases(phases, self.linkages.clone().unwrap_or_default())
             .map_err(|error| named(error.into()))
@@ -142,14 +144,14 @@ impl TracedProblem {
         let linkages =
             links.map(|links| links.into_iter().map(linkage).collect::<Result<_, _>>()).transpose()?;
         let posed = Self { phases, horizons, linkages };
-        posed.problem(Vec::new())?;
+        posed.problem(Vec::new(), &Arc::default())?;
         Ok(posed)
     }
 
     /// As `ControlProblem.solve` and `MultiphaseProblem.solve`, from a result, or from guesses by times, states, controls and
     /// parameters.
     #[pyo3(signature = (
-        start, tol, n_intervals, n_points, max_meshes, max_iterations, max_time, callback, on_interrupt
+        start, tol, n_intervals, n_points, max_meshes, max_iterations, max_evaluations, max_time, callback, on_interrupt
     ))]
     fn solve(
         &self,
@@ -160,20 +162,22 @@ impl TracedProblem {
         #[pyo3(from_py_with = integer_or_none)] n_points: Option<i64>,
         #[pyo3(from_py_with = integer)] max_meshes: i64,
         #[pyo3(from_py_with = integer_or_none)] max_iterations: Option<i64>,
+        #[pyo3(from_py_with = integer_or_none)] max_evaluations: Option<i64>,
         max_time: Option<f64>,
         callback: Option<&Bound<'_, PyAny>>,
         on_interrupt: &str,
     ) -> Result<Py<CollocationOutcome>, Error> {
         let (guesses, solution) = start.read();
-        let settings = Settings { tol, sizes: [n_intervals, n_points], max_meshes, max_iterations };
+        let sizes = [n_intervals, n_points];
+        let settings = Settings { tol, sizes, max_meshes, max_iterations, max_evaluations };
         let options = SearchOptions { settings, solution, max_time, callback, on_interrupt };
-        let problem = || self.problem(guesses);
+        let problem = |token: &Arc<CancellationToken>| self.problem(guesses, token);
         options.run(py, self.phases.len(), problem, |report| self.result(py, report, tol))
     }
 
     /// As `ControlProblem.search` and `MultiphaseProblem.search`.
     #[pyo3(signature = (
-        n_starts, seed, tol, n_intervals, n_points, max_meshes, max_iterations, max_time, on_interrupt
+        n_starts, seed, tol, n_intervals, n_points, max_meshes, max_iterations, max_evaluations, max_time, on_interrupt
     ))]
     fn search(
         &self,
@@ -185,18 +189,24 @@ impl TracedProblem {
         #[pyo3(from_py_with = integer_or_none)] n_points: Option<i64>,
         #[pyo3(from_py_with = integer)] max_meshes: i64,
         #[pyo3(from_py_with = integer_or_none)] max_iterations: Option<i64>,
+        #[pyo3(from_py_with = integer_or_none)] max_evaluations: Option<i64>,
         max_time: Option<f64>,
         on_interrupt: &str,
     ) -> Result<SearchResult, Error> {
         let returned = returns_interrupted(on_interrupt)?;
-        let settings = Settings { tol, sizes: [n_intervals, n_points], max_meshes, max_iterations };
+        let sizes = [n_intervals, n_points];
+        let settings = Settings { tol, sizes, max_meshes, max_iterations, max_evaluations };
         let (n, seed) = (count("n_starts", n_starts, 1)?, seed_of(seed)?);
         if n > MOST_STARTS {
             return Err(Error::input(format!("`n_starts` must be at most {MOST_STARTS}, found {n}")));
         }
-        let guesses = self.problem(Vec::new())?.random_guesses(n, seed);
-        let job = |k: usize| -> Result<Job, Error> { Ok((self.problem(guesses[k].clone())?, None)) };
+        let guesses = self.problem(Vec::new(), &Arc::default())?.random_guesses(n, seed);
+        let job = |k: usize, token: &Arc<CancellationToken>| -> Result<Job, Error> {
+            Ok((self.problem(guesses[k].clone(), token)?, None))
+        };
         let many = solve_many(py, &settings, max_time, n, job)?;
+        let has_ended = many.raised.is_none() && !many.is_late;
+        let mut raised: Option<PyErr> = many.raised;
         let (mut solved, mut others, mut failures) = (Vec::new(), Vec::new(), Vec::new());
         for (start, outcome) in many.outcomes.into_iter().enumerate() {
             match outcome {
@@ -204,40 +214,42 @@ impl TracedProblem {
                     solved.push((start, report))
                 }
                 Some(Ok(report)) => others.push((start, report)),
-                Some(Err(error)) => failures.push((start, PyErr::from(error).value(py).to_string())),
+                Some(Err(Fault { error, report: Some(report) })) => {
+                    // a fault in a function of the user is one for all starts
+                    raised.get_or_insert(error.into());
+                    others.push((start, *report));
+                }
+                Some(Err(Fault { error, report: None })) => {
+                    failures.push((start, PyErr::from(error).value(py).to_string()));
+                }
                 None => failures.push((start, "not begun".to_owned())),
             }
         }
-        let has_ended = many.raised.is_none() && !many.is_late;
         let status = match (has_ended, many.is_late, solved.is_empty()) {
             (true, _, false) => "converged",
             (true, _, true) => "no_minimum",
             (false, true, _) => "time_limit",
             (false, false, _) => "interrupted",
         };
-        others.sort_by(|(_, a), (_, b)| {
-            let violation = |report: &CollocationReport| report.program.residuals.feasibility;
-            violation(a).total_cmp(&violation(b))
-        });
         let (mut minima, mut starts, mut unfinished) = (Vec::new(), Vec::new(), Vec::new());
         for (report, from) in distinct(solved) {
             minima.push(self.result(py, report, tol)?.into_any());
             starts.push(from);
         }
-        for (start, report) in others {
+        for (start, report) in ranked(others) {
             let result = self.result(py, report, tol)?;
             failures.push((start, result.get().message()));
             unfinished.push(result.into_any());
         }
         failures.sort_by_key(|(start, _)| *start);
         let found = SearchResult::new(minima, starts, unfinished, failures, status.to_owned());
-        deliver(py, many.raised, returned, found)
+        deliver(py, raised, returned, found)
     }
 
     /// As `solve_batch`.
     #[staticmethod]
     #[pyo3(signature = (
-        problems, starts, tol, n_intervals, n_points, max_meshes, max_iterations, max_time, on_interrupt
+        problems, starts, tol, n_intervals, n_points, max_meshes, max_iterations, max_evaluations, max_time, on_interrupt
     ))]
     fn solve_all(
         py: Python<'_>,
@@ -248,30 +260,40 @@ impl TracedProblem {
         #[pyo3(from_py_with = integer_or_none)] n_points: Option<i64>,
         #[pyo3(from_py_with = integer)] max_meshes: i64,
         #[pyo3(from_py_with = integer_or_none)] max_iterations: Option<i64>,
+        #[pyo3(from_py_with = integer_or_none)] max_evaluations: Option<i64>,
         max_time: Option<f64>,
         on_interrupt: &str,
     ) -> Result<Vec<Option<Py<CollocationOutcome>>>, Error> {
         let returned = returns_interrupted(on_interrupt)?;
-        let settings = Settings { tol, sizes: [n_intervals, n_points], max_meshes, max_iterations };
+        let sizes = [n_intervals, n_points];
+        let settings = Settings { tol, sizes, max_meshes, max_iterations, max_evaluations };
         let starts: Vec<_> = starts.into_iter().map(Origin::read).collect();
         if starts.len() != problems.len() {
             let (n, found) = (problems.len(), starts.len());
             return Err(Error::input(format!("`guesses` must have {n} entries, found {found}")));
         }
-        let job = |k: usize| -> Result<Job, Error> {
+        let job = |k: usize, token: &Arc<CancellationToken>| -> Result<Job, Error> {
             let (guesses, solution) = &starts[k];
-            Ok((problems[k].get().problem(guesses.clone())?, solution.clone()))
+            Ok((problems[k].get().problem(guesses.clone(), token)?, solution.clone()))
         };
         let many = solve_many(py, &settings, max_time, problems.len(), job)?;
-        let each = problems.iter().zip(many.outcomes).enumerate();
-        let found = each
-            .map(|(k, (problem, outcome))| {
-                let Some(outcome) = outcome else { return Ok(None) };
-                let report = outcome.map_err(|error| error.within(&format!("problems[{k}]")))?;
-                problem.get().result(py, report, tol).map(Some)
-            })
-            .collect::<Result<Vec<_>, Error>>()?;
-        deliver(py, many.raised, returned, found)
+        let mut raised: Option<PyErr> = many.raised;
+        let mut found = Vec::with_capacity(problems.len());
+        for (k, (problem, outcome)) in problems.iter().zip(many.outcomes).enumerate() {
+            let report = match outcome {
+                Some(Ok(report)) => Some(report),
+                Some(Err(Fault { error, report: Some(report) })) => {
+                    raised.get_or_insert(error.into());
+                    Some(*report)
+                }
+                Some(Err(Fault { error, report: None })) => {
+                    return Err(error.within(&format!("problems[{k}]")));
+                }
+                None => None,
+            };
+            found.push(report.map(|report| problem.get().result(py, report, tol)).transpose()?);
+        }
+        deliver(py, raised, returned, found)
     }
 
     /// As `ControlProblem.polish`.
@@ -282,11 +304,17 @@ impl TracedProblem {
         found: &Bound<'_, CollocationResult>,
         max_time: Option<f64>,
     ) -> Result<PolishResult, Error> {
-        let (report, subject) = (&found.get().report, self.phases[0].get().subject.clone());
+        let (report, phase) = (&found.get().report, self.phases[0].get());
+        let subject = phase.subject.clone();
+        if let Some(name) = phase.untraced().next() {
+            return Err(Error::input(format!(
+                "`dynamics`, costs and constraints must be traced for `polish`, found the ExternalFunction `{name}`"
+            )));
+        }
         let cancellation = Cancellation::at(deadline(max_time)?);
         let guess = found.get().phase().to_guess();
         let polish = || -> Result<Polished, Error> {
-            let mut problem = self.problem(vec![guess])?;
+            let mut problem = self.problem(vec![guess], &cancellation.token)?;
             Ok(Polish::default().polish_cancellable(&mut problem, report, &cancellation.token)?)
         };
         let polished = attend(py, |raised| cancellation.raise(raised), polish)??;
@@ -306,7 +334,7 @@ impl TracedProblem {
         solution: &Bound<'_, CollocationResult>,
     ) -> Result<SolutionSensitivity, Error> {
         let (report, subject) = (solution.get().report.clone(), self.phases[0].get().subject.clone());
-        let mut problem = self.problem(vec![solution.get().phase().to_guess()])?;
+        let mut problem = self.problem(vec![solution.get().phase().to_guess()], &Arc::default())?;
         leave_on_signal(py, move |_| SolutionSensitivity::of(&report, &mut problem, subject))
     }
 }

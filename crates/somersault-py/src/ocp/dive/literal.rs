@@ -72,7 +72,7 @@ value! {
         momentum_change: f64 = |own| own.dive.momentum_change();
         /// Report or None: What the solver says; None where a motion was only rolled out. It has no verification: how far explicit
         /// Euler is from the physics is what `momentum_change` says.
-        report: Option<Report> = |own| own.dive.report.clone().map(|report| Report { report, verifier: None });
+        report: Option<Report> = |own| own.dive.report.clone().map(|report| Report { report, verifier: None, wrong_derivative: None });
     }
 }
 

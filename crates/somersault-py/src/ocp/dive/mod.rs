@@ -23,7 +23,7 @@ use pyo3::types::{PyDict, PyTuple, PyType};
 use rayon::prelude::*;
 use somersault::dives::{self, Channels, DiveProgram, DiveSearch, DiveSearchError, KeyFrame, Range};
 use somersault::multibody::models::Dimension;
-use somersault::nlp::{Flow, Iteration, Nlp, Report, Status};
+use somersault::nlp::{Flow, Iteration, Nlp, Report, Status, ranked};
 
 /// A dive to be found: from a posture to another in a flight whose angular momentum is constant.
 ///
@@ -251,6 +251,8 @@ impl Dive {
     ///     Of the residuals in the last stage.
     /// max_iterations : int, optional
     ///     Of each stage with constraints; 500 in the plane and 100 in space unless given.
+    /// max_evaluations : int, optional
+    ///     Of cost and constraints, in each stage.
     /// max_time : float, optional
     ///     Of all stages, s.
     /// callback : callable, optional
@@ -271,7 +273,7 @@ impl Dive {
     /// >>> found.status, round(found.duration, 3)
     /// ('converged', 1.7)
     #[pyo3(signature = (
-        z=None, *, soft_weights=None, tol=None, max_iterations=None, max_time=None, callback=None,
+        z=None, *, soft_weights=None, tol=None, max_iterations=None, max_evaluations=None, max_time=None, callback=None,
         on_interrupt="raise"
     ))]
     fn solve(
@@ -281,6 +283,7 @@ impl Dive {
         #[pyo3(from_py_with = entries_or_none)] soft_weights: Option<Vec<f64>>,
         tol: Option<f64>,
         #[pyo3(from_py_with = integer_or_none)] max_iterations: Option<i64>,
+        #[pyo3(from_py_with = integer_or_none)] max_evaluations: Option<i64>,
         max_time: Option<f64>,
         callback: Option<&Bound<'_, PyAny>>,
         on_interrupt: &str,
@@ -290,7 +293,7 @@ impl Dive {
         let deadline = deadline(max_time)?;
         let warm = z.and_then(|z| z.cast::<DiveSolution>().ok());
         let soft_weights = soft_weights.or_else(|| warm.map(|_| Vec::new()));
-        let search = dive.search_with(soft_weights, tol, max_iterations)?;
+        let search = dive.search_with(soft_weights, tol, [max_iterations, max_evaluations])?;
         let z = match (z, warm) {
             (_, Some(solution)) => dive.checked(solution.get().report.z.clone())?,
             (Some(z), None) => dive.checked(with_shape("z", &[dive.n_variables()], z)?)?,
@@ -322,7 +325,7 @@ impl Dive {
     /// n_starts : int, optional
     /// seed : int, optional
     ///     Of the other starts.
-    /// soft_weights, tol, max_iterations, max_time, on_interrupt
+    /// soft_weights, tol, max_iterations, max_evaluations, max_time, on_interrupt
     ///     As of `solve`.
     ///
     /// Returns
@@ -338,7 +341,8 @@ impl Dive {
     /// >>> found[0].success
     /// True
     #[pyo3(signature = (
-        n_starts=16, *, seed=1, soft_weights=None, tol=None, max_iterations=None, max_time=None, on_interrupt="raise"
+        n_starts=16, *, seed=1, soft_weights=None, tol=None, max_iterations=None, max_evaluations=None, max_time=None,
+        on_interrupt="raise"
     ))]
     fn search(
         slf: &Bound<'_, Self>,
@@ -348,13 +352,14 @@ impl Dive {
         #[pyo3(from_py_with = entries_or_none)] soft_weights: Option<Vec<f64>>,
         tol: Option<f64>,
         #[pyo3(from_py_with = integer_or_none)] max_iterations: Option<i64>,
+        #[pyo3(from_py_with = integer_or_none)] max_evaluations: Option<i64>,
         max_time: Option<f64>,
         on_interrupt: &str,
     ) -> Result<Vec<DiveSolution>, Error> {
         let dive = slf.get();
         let returned = returns_interrupted(on_interrupt)?;
         let deadline = deadline(max_time)?;
-        let search = dive.search_with(soft_weights, tol, max_iterations)?;
+        let search = dive.search_with(soft_weights, tol, [max_iterations, max_evaluations])?;
         let (n_starts, seed) = (count("n_starts", n_starts, 1)?, seed_of(seed)?);
         let templates = KeyFrame::variations(&dive.own_template()?, n_starts, seed);
         let cancellation = Cancellation::at(deadline);
@@ -390,10 +395,12 @@ impl Dive {
             let solution = solution(found)?;
             solutions.push((!solution.success(py)?, solution));
         }
-        solutions.sort_by(|(failed, a), (other, b)| {
-            failed.cmp(other).then(a.report.cost.total_cmp(&b.report.cost))
-        });
-        let solutions = solutions.into_iter().map(|(_, solution)| solution).collect();
+        let programs: Vec<&Report> = solutions.iter().map(|(_, solution)| &solution.report).collect();
+        let mut merit = vec![0; solutions.len()];
+        ranked(&programs).into_iter().enumerate().for_each(|(place, k)| merit[k] = place);
+        let mut solutions: Vec<_> = merit.into_iter().zip(solutions).collect();
+        solutions.sort_by_key(|(merit, (failed, _))| (*failed, *merit));
+        let solutions = solutions.into_iter().map(|(_, (_, solution))| solution).collect();
         deliver(py, raised.map(|raised| raised.clone_ref(py)), returned, solutions)
     }
 
@@ -476,7 +483,7 @@ impl Dive {
         &self,
         soft_weights: Option<Vec<f64>>,
         tol: Option<f64>,
-        max_iterations: Option<i64>,
+        [max_iterations, max_evaluations]: [Option<i64>; 2],
     ) -> Result<DiveSearch, Error> {
         let mut search = match self.plan.dive.diver.dimension {
             Dimension::Planar => DiveSearch::direct(),
@@ -495,6 +502,8 @@ impl Dive {
         }
         let most = limit("max_iterations", max_iterations, 0)?;
         search.hard.max_iterations = most.unwrap_or(search.hard.max_iterations);
+        let most = limit("max_evaluations", max_evaluations, 1)?;
+        (search.soft.max_evaluations, search.hard.max_evaluations) = (most, most);
         Ok(search)
     }
 }

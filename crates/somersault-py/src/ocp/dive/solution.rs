@@ -92,7 +92,7 @@ value! {
         /// Dive: What was searched for.
         dive: Py<Dive> = |own, py| own.dive.clone_ref(py);
         /// Report: What the solver says of the program, in its last stage; the dive itself has its own `status` and `success`.
-        report: Report = |own| Report { report: own.report.clone(), verifier: Some(own.verifier.clone()) };
+        report: Report = |own| Report { report: own.report.clone(), verifier: Some(own.verifier.clone()), wrong_derivative: None };
         /// bool: Whether integrations that are independent of the search agree with it: its flight, the counts at the entry
         /// and the distances of limbs.
         confirmed: PyResult<bool> = |own, py| Ok(own.verifier.judge(py)?.0);
@@ -344,7 +344,7 @@ impl DiveSolution {
         dive: &Bound<'_, Dive>,
         report: &Bound<'_, Report>,
     ) -> Result<Self, Error> {
-        let Report { report, verifier } = report.get();
+        let Report { report, verifier, .. } = report.get();
         dive.get().checked(report.z.clone())?;
         let solution = Self::of(dive, report.clone())?;
         let verifier = verifier.clone().unwrap_or(solution.verifier.clone());

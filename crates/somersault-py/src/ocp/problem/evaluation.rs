@@ -44,10 +44,7 @@ impl MotionProblem {
 
 fn undefined(error: EvaluationError) -> Error {
     match error {
-        EvaluationError::Failed(source) => match source.downcast::<PyErr>() {
-            Ok(error) => Error::Raised(*error),
-            Err(other) => Error::evaluation(other.to_string()),
-        },
+        EvaluationError::Failed(source) => Error::failed(source),
         error => Error::evaluation(error.to_string()),
     }
 }

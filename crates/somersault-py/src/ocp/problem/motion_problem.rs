@@ -1,5 +1,6 @@
 //! A motion problem by shooting.
 
+use super::recipe::Program;
 use super::recipe::Recipe;
 use super::shared::Shared;
 use super::{Constraint, Cost, Motion, Phase};
@@ -308,6 +309,8 @@ impl MotionProblem {
     /// tol : float, optional
     ///     Of the residuals of the conditions of Karush, Kuhn and Tucker, scaled.
     /// max_iterations : int, optional
+    /// max_evaluations : int, optional
+    ///     Of cost and constraints.
     /// max_time : float, optional
     ///     s.
     /// callback : callable, optional
@@ -338,7 +341,8 @@ impl MotionProblem {
     /// >>> report.status, report.feasibility < 1e-6
     /// ('converged', True)
     #[pyo3(signature = (
-        z, *, solver="sqp", tol=None, max_iterations=None, max_time=None, callback=None, on_interrupt="raise"
+        z, *, solver="sqp", tol=None, max_iterations=None, max_evaluations=None, max_time=None, callback=None,
+        on_interrupt="raise"
     ))]
     fn solve(
         &self,
@@ -347,6 +351,7 @@ impl MotionProblem {
         solver: &str,
         tol: Option<f64>,
         #[pyo3(from_py_with = integer_or_none)] max_iterations: Option<i64>,
+        #[pyo3(from_py_with = integer_or_none)] max_evaluations: Option<i64>,
         max_time: Option<f64>,
         callback: Option<&Bound<'_, PyAny>>,
         on_interrupt: &str,
@@ -355,11 +360,22 @@ impl MotionProblem {
             Ok(report) => report.get().report.start(),
             Err(_) => self.room(z)?.0.into(),
         };
-        let arguments = SolverArguments { solver, tol, max_iterations, max_time, callback, on_interrupt };
+        let arguments = SolverArguments {
+            solver,
+            tol,
+            max_iterations,
+            max_evaluations,
+            max_time,
+            callback,
+            on_interrupt,
+        };
         let calls_python = self.calls_python;
         let motion = self.recipe.motion(py)?;
         let mut problem = self.shared.acquire(py)?;
-        arguments.solve(py, &mut *problem, &start, calls_python, |report| Some(motion.verifier(report)))
+        let found = arguments
+            .solve(py, &mut *problem, &start, calls_python, |report| Some(motion.verifier(report)))?;
+        let wrong_derivative = suspected(&mut problem, &found.report);
+        Ok(Report { wrong_derivative, ..found })
     }
 
     /// Solves from many starts, in parallel, and gathers the distinct minima.
@@ -382,7 +398,7 @@ impl MotionProblem {
     ///     How far the others are from `z` in each variable at most.
     /// distance_tol : float, optional
     ///     Two minima are the same if no variable differs by more, relative to its size where that is above 1.
-    /// solver, tol, max_iterations
+    /// solver, tol, max_iterations, max_evaluations
     ///     As of `solve`, for each start.
     /// max_time : float, optional
     ///     Of all starts, s.
@@ -408,7 +424,7 @@ impl MotionProblem {
     /// (True, 'converged')
     #[pyo3(signature = (
         n_starts=16, *, z=None, starts=None, seed=0, reach=None, distance_tol=1e-4, solver="sqp", tol=None,
-        max_iterations=None, max_time=None, on_interrupt="raise"
+        max_iterations=None, max_evaluations=None, max_time=None, on_interrupt="raise"
     ))]
     fn search(
         &self,
@@ -422,6 +438,7 @@ impl MotionProblem {
         solver: &str,
         tol: Option<f64>,
         #[pyo3(from_py_with = integer_or_none)] max_iterations: Option<i64>,
+        #[pyo3(from_py_with = integer_or_none)] max_evaluations: Option<i64>,
         max_time: Option<f64>,
         on_interrupt: &str,
     ) -> Result<SearchResult, Error> {
@@ -439,12 +456,20 @@ impl MotionProblem {
             all.extend(samples(&range, n_starts - 1, seed)?);
         }
         let deadline = deadline(max_time)?;
-        let arguments =
-            SolverArguments { solver, tol, max_iterations, max_time: None, callback: None, on_interrupt };
+        let arguments = SolverArguments {
+            solver,
+            tol,
+            max_iterations,
+            max_evaluations,
+            max_time: None,
+            callback: None,
+            on_interrupt,
+        };
         let arguments = SearchArguments { solver: arguments.solver()?, distance_tol, deadline, returned };
         let motion = self.recipe.motion(py)?;
         let make = || Python::attach(|py| self.recipe.build(py));
-        arguments.run(py, &all, make, |report| report, |report| Some(motion.verifier(report)))
+        let wrong = |report: &nlp::Report| suspected(&mut self.recipe.build(py).ok()?, report);
+        arguments.run(py, &all, make, |report| report, |report| Some(motion.verifier(report)), wrong)
     }
 
     /// Integrates the motion of a decision vector again and accurately.
@@ -553,4 +578,12 @@ impl MotionProblem {
     fn __repr__(&self) -> String {
         format!("<MotionProblem: {} variables, {} constraints>", self.n_variables, self.n_constraints)
     }
+}
+
+/// What is said of a derivative that may be behind a solve that did not converge.
+fn suspected(problem: &mut Program, report: &nlp::Report) -> Option<String> {
+    // what has no value there has been said already
+    let wrong =
+        report.status.is_suspect().then(|| problem.wrong_derivative(&report.z).ok()).flatten().flatten();
+    wrong.map(|wrong| wrong.to_string())
 }

@@ -2,7 +2,7 @@
 
 use super::Term;
 use super::part::{name_of, part_of};
-use crate::core::callable::check_callable;
+use crate::core::callable::{callable_name, check_callable};
 use crate::core::convert::{a_type, with_shape};
 use crate::core::error::Error;
 use crate::ocp::arguments::count;
@@ -70,14 +70,14 @@ impl UserFunction {
 
     fn build(&self, py: Python<'_>, tree: &Tree) -> term::Function {
         let Self { rows, gradient, n_rows, reads } = self;
+        let name = match callable_name(rows.bind(py)) {
+            name if name.is_empty() || name.ends_with("<lambda>") => "function".to_owned(),
+            name => name,
+        };
         let rows = rows_of(rows.clone_ref(py), *n_rows);
         if let Some(gradient) = gradient {
-            return term::Function::new(
-                "function",
-                *n_rows,
-                rows,
-                pull_back_of(gradient.clone_ref(py), *n_rows),
-            );
+            let pull_back = pull_back_of(gradient.clone_ref(py), *n_rows);
+            return term::Function::new(&name, *n_rows, rows, pull_back).compared_by(tree.clone());
         }
         let part = |read: &Read| match read {
             Read::Position => None,
@@ -85,7 +85,7 @@ impl UserFunction {
         };
         let parts: Vec<Part> = reads.iter().filter_map(part).collect();
         let by_position = reads.contains(&Read::Position);
-        term::Function::by_differences("function", *n_rows, tree.clone(), by_position, &parts, rows)
+        term::Function::by_differences(&name, *n_rows, tree.clone(), by_position, &parts, rows)
     }
 }
 
