@@ -16,7 +16,8 @@ const AT_BOUND: f64 = 0.02;
 const NEAR: f64 = 3e-3;
 /// Impulse of a bound's multipliers, relative to the costates, below which it does not push.
 const NO_PUSH: f64 = 1e-4;
-/// Part of the largest multiplier of a contact that its first and last points have.
+/// Part of the largest multiplier of a contact, or of its largest impulse, that its first and last points have: a mesh that is graded
+/// towards the ends of a contact has small impulses there, one that is not has them alone where a bound of order 2 holds.
 const PUSHING: f64 = 0.01;
 /// Part of a switch below which an arc is not tried.
 const SLIVER: f64 = 0.02;
@@ -239,8 +240,12 @@ impl Labels<'_> {
     }
 
     fn contact(&self, bound: usize, order: usize, pushes: &[f64], first: usize, last: usize) -> Contact {
-        let most = pushes[first..=last].iter().fold(0.0, |a: f64, b| a.max(*b));
-        let pushing: Vec<usize> = (first..=last).filter(|&i| pushes[i] > PUSHING * most).collect();
+        let measures = self.solution.measures();
+        let most = |of: &dyn Fn(usize) -> f64| (first..=last).map(of).fold(0.0, f64::max);
+        let density = |i: usize| pushes[i] / measures[i];
+        let (impulse, multiplier) = (PUSHING * most(&|i| pushes[i]), PUSHING * most(&density));
+        let pushing: Vec<usize> =
+            (first..=last).filter(|&i| pushes[i] > impulse || density(i) > multiplier).collect();
         let ends = (pushing.first().copied().unwrap_or(first), pushing.last().copied().unwrap_or(last));
         let (mut start, mut end) = (self.places[ends.0].0, self.places[ends.1].0);
         let intervals = self.places[ends.1].1 - self.places[ends.0].1 + 1;
