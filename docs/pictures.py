@@ -361,8 +361,9 @@ def goddard() -> None:
         bounds={"thrust": (0, 1)},
         end_cost=lambda x: -x.r,
     )
-    axes = plt.figure(figsize=(7.2, 7.2), layout="constrained").subplots(4, 1, sharex=True)
-    plotting.control_history(rocket.polish(rocket.solve()), axes)
+    with plt.rc_context({"font.size": 11}):
+        axes = plt.figure(figsize=(7.2, 7.2), layout="constrained").subplots(4, 1, sharex=True)
+        plotting.control_history(rocket.polish(rocket.solve()), axes)
     _save("goddard.png")
 
 

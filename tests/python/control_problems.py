@@ -122,7 +122,7 @@ def _upright(n: int, duration: float) -> ocp.ControlProblem:
         initial=np.zeros(2 * n),
         final=np.repeat([np.pi, 0], n),
         duration=duration,
-        running_cost=lambda x, u: 0.5 * u @ u,
+        running_cost=lambda x, u: 0.5 * (u @ u),
     )
 
 

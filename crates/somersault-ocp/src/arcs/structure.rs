@@ -1,9 +1,10 @@
 //! Arcs of a collocation solution, and where the multiple shooting of them starts.
 //!
 //! Labels are put on the intervals of the mesh. A control within 2 % of a bound at all points of an interval is at it. Else it is
-//! interior where H is not affine in it. Where it is, one or two such intervals are a switch, at the time that keeps ∫ u dt, and more
-//! are a singular arc: a coarse singular control oscillates between its bounds, so that how it looks is no sign. A bound of the state
-//! holds where c exceeds −0.3 % of its range and multipliers push; in one or two intervals it is a touch where c is of order 2.
+//! interior where H is not affine in it. Where it is, one or two such intervals, or any number in a brief time, are a switch, at the
+//! time that keeps ∫ u dt, and more are a singular arc: a coarse singular control oscillates between its bounds, so that how it looks
+//! is no sign. A bound of the state holds where c exceeds −0.3 % of its range and multipliers push; in one or two intervals it is a
+//! touch where c is of order 2.
 
 use super::hamiltonian::{BoundedRow, Hamiltonian, MOST_ORDER};
 use super::kind::{ArcKind, ControlKind};
@@ -23,6 +24,8 @@ const PUSHING: f64 = 0.01;
 const SLIVER: f64 = 0.02;
 /// Intervals of a switch or a touch at most.
 const SHORT: usize = 2;
+/// Part of the duration of a switch at most, in any number of intervals: a mesh that is graded towards a junction has many there.
+const BRIEF: f64 = 1e-3;
 
 /// What pushes: multipliers of bounds of the state at the points, times what each point stands for.
 pub(super) struct Impulses {
@@ -137,8 +140,9 @@ impl Labels<'_> {
     ) {
         let mut k = 0;
         while k < pieces.len() {
-            let short = pieces[k].what == ControlKind::Singular
-                && self.length(&pieces[k]) <= SHORT
+            let piece = &pieces[k];
+            let short = piece.what == ControlKind::Singular
+                && (self.length(piece) <= SHORT || piece.end - piece.start < BRIEF)
                 && pieces.len() > 1;
             if !short {
                 k += 1;
