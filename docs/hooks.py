@@ -162,7 +162,7 @@ def _control_problems() -> str:
         else:
             cells += ["", "", ""]
         rows.append([*cells, f"`{exact.verdict}`"])
-    head = ["Problem", "Equations and cost", "Lowest cost", "Source", "Error of `solve`", "Meshes, steps"]
+    head = ["Problem", "Equations and cost", "Cost", "Source", "Error of `solve`", "Meshes, steps"]
     head += ["Error of `polish`", "Residual", "Arcs", "Verdict"]
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
