@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import re
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +54,8 @@ def _inserts(what: str) -> str:
         return _section("README.md", "Which method when")
     if what == "evaluations":
         return _evaluations()
+    if what == "control problems":
+        return _control_problems()
     if what.startswith("schema "):
         return (
             f"```json\n{json.dumps(schema(what.removeprefix('schema ')), indent=2, ensure_ascii=False)}\n```"
@@ -128,3 +131,48 @@ def _evaluations() -> str:
         rows.append(f"| `{name}` | {cells} |")
     head = "| Method | 10⁻² rad | 10⁻⁴ rad | 10⁻⁶ rad | 10⁻⁸ rad |\n|---|--:|--:|--:|--:|"
     return "\n".join([head, *rows])
+
+
+_SIGNS = {"lower": "−", "upper": "+", "interior": "i", "singular": "s"}
+
+
+def _control_problems() -> str:
+    """The problem set of the tests, solved, polished and certified, but for what takes long."""
+    path = Path(__file__).parents[1] / "tests" / "python" / "control_problems.py"
+    spec = spec_from_file_location(path.stem, path)
+    assert spec is not None and spec.loader is not None
+    problems = module_from_spec(spec)
+    spec.loader.exec_module(problems)
+    rows = []
+    for name, known in problems.KNOWN.items():
+        start = "" if known.guess is None else "; from a guess"
+        cells = [name, known.equations + start, f"{known.cost:.12g}", known.source]
+        if known.is_long:
+            rows.append(cells + ["`make studies`"] + [""] * 5)
+            continue
+        problem, found = known.solve()
+        exact = problem.polish(found)
+        # starts of minimum effort among them
+        cells += [
+            _size(found.cost - known.cost),
+            f"{len(found.meshes)}, {sum(m['nit'] for m in found.meshes)}",
+        ]
+        if exact.success:
+            cells += [_size(exact.cost - known.cost), _size(exact.residual), " ".join(map(_arc, exact.arcs))]
+        else:
+            cells += ["", "", ""]
+        rows.append([*cells, f"`{exact.verdict}`"])
+    head = ["Problem", "Equations and cost", "Cost", "Source", "Error of `solve`", "Meshes, steps"]
+    head += ["Error of `polish`", "Residual", "Arcs", "Verdict"]
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
+
+
+def _arc(arc: dict[str, Any]) -> str:
+    """Signs of its controls, and a star where the state is at its bound."""
+    return "".join(_SIGNS[kind] for kind in arc["controls"].values()) + "*" * (arc["bound"] is not None)
+
+
+def _size(value: float) -> str:
+    """The magnitude of an error."""
+    return "0" if value == 0.0 else f"{abs(value):.0e}".replace("e-0", "e-")

@@ -22,7 +22,7 @@ from matplotlib.axes import Axes
 from PIL import Image, ImageDraw, ImageFont
 
 import somersault
-from somersault import contact, exact, ocp, studies, viewer
+from somersault import contact, exact, ocp, plotting, studies, viewer
 from somersault.plotting.palette import MUTED
 from somersault.viewer.film import pictures
 
@@ -345,11 +345,34 @@ def film() -> None:
     )
 
 
+def goddard() -> None:
+    """The rocket of the guide, with its arcs."""
+    rocket = ocp.ControlProblem(
+        lambda x, u: [
+            x.v,
+            (3.5 * u.thrust - 310 * x.v**2 * np.exp(-500 * (x.r - 1))) / x.m - 1 / x.r**2,
+            -7 * u.thrust,
+        ],
+        states=("r", "v", "m"),
+        controls=("thrust",),
+        initial=[1, 0, 1],
+        final={"m": 0.6},
+        duration=(0.05, 1),
+        bounds={"thrust": (0, 1)},
+        end_cost=lambda x: -x.r,
+    )
+    with plt.rc_context({"font.size": 11}):
+        axes = plt.figure(figsize=(7.2, 7.2), layout="constrained").subplots(4, 1, sharex=True)
+        plotting.control_history(rocket.polish(rocket.solve()), axes)
+    _save("goddard.png")
+
+
 ALL: dict[str, Callable[[], None]] = {
     "film": film,
     "integrate": integrate,
     "contact": touch,
     "optimise": optimise,
+    "goddard": goddard,
     "dive": dive,
     "trees": trees,
     "recorded": recorded,

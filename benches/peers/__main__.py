@@ -14,6 +14,7 @@ import batch
 import box
 import components
 import contact
+import control
 import expressions
 import ftla
 import long_run
@@ -31,6 +32,7 @@ COMPARISONS = (
     expressions,
     arm,
     programs,
+    control,
     ftla,
     swing_up,
     components,

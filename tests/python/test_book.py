@@ -8,6 +8,7 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Callable
+from html import unescape
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
@@ -15,6 +16,7 @@ from typing import Any
 
 import matplotlib as mpl
 import pytest
+from control_problems import KNOWN
 
 import somersault
 from somersault.cli import main
@@ -175,6 +177,16 @@ def test_links_of_the_book_lead_somewhere(book: Path) -> None:
         if re.search(r'–\s*<div class="doc-md-description">\s*</div>', text)
     ]
     assert "ẋ = f(x, u, t, p)" in pages[Path("reference/ocp.html")]
+
+
+def test_the_problem_set_is_in_the_book(book: Path) -> None:
+    rows = re.findall(r"<tr>(.*?)</tr>", (book / "control_problems.html").read_text("utf-8"), re.DOTALL)[1:]
+    cells = [[unescape(cell) for cell in re.findall(r"<td[^>]*>(.*?)</td>", row)] for row in rows]
+    assert [row[0] for row in cells] == list(KNOWN)
+    for row, known in zip(cells, KNOWN.values(), strict=True):
+        assert len(row) == 10
+        polished = row[-1] in ("<code>strict_minimum</code>", "<code>first_order</code>")
+        assert polished == (known.is_polished and not known.is_long), row[0]
 
 
 @pytest.mark.skipif(film.browser() is None, reason=f"no browser: none of {', '.join(film.BROWSERS)}")

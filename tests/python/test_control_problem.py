@@ -1,6 +1,8 @@
 """Optimal control problems posed by functions of NumPy."""
 
 import functools
+import inspect
+import itertools
 import pickle
 from typing import Any, cast
 
@@ -12,18 +14,29 @@ from control_problems import KNOWN
 import somersault
 from somersault import multibody, ocp
 
+#: The set, those that take long in `make studies` only.
+ALL = [pytest.param(name, marks=[pytest.mark.study] * known.is_long) for name, known in KNOWN.items()]
+#: Those with one minimum and a start from a straight line on any mesh.
+PLAIN = [name for name, known in KNOWN.items() if known.is_only and not known.options]
 
-@pytest.mark.parametrize("name", KNOWN)
-def test_known_costs_are_met_from_a_straight_line(name: str) -> None:
+
+@functools.cache
+def solved(name: str) -> tuple[ocp.ControlProblem, ocp.CollocationResult]:
+    return KNOWN[name].solve()
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_known_costs_are_met_from_a_straight_line_or_the_stated_guess(name: str) -> None:
     known = KNOWN[name]
-    found = known.pose().solve()
+    _, found = solved(name)
     assert found.success and found.confirmed, found.message
-    assert found.cost == pytest.approx(known.cost, rel=1e-6, abs=1e-6)
-    assert found.verified_cost == pytest.approx(found.cost, rel=1e-5, abs=1e-5)
+    tol = known.options.get("tol", 1e-6)
+    assert found.cost == pytest.approx(known.cost, rel=tol, abs=tol)
+    assert found.verified_cost == pytest.approx(found.cost, rel=10 * tol, abs=10 * tol)
 
 
 @pytest.mark.study
-@pytest.mark.parametrize("name", KNOWN)
+@pytest.mark.parametrize("name", PLAIN)
 def test_no_mesh_and_tolerance_lead_to_a_false_success(name: str) -> None:
     known = KNOWN[name]
     problem = known.pose()
@@ -406,6 +419,15 @@ def test_a_search_finds_both_ways_around_a_disk() -> None:
     assert stored.starts == found.starts and np.array_equal(stored.best.x, found.best.x)
 
 
+@pytest.mark.study
+def test_a_search_finds_the_cheapest_swing_of_the_acrobot() -> None:
+    # the cheaper of two minima that thirteen starts of CasADi with IPOPT lead to; the other costs 37.368176
+    problem = KNOWN["acrobot"].pose()
+    found = problem.search(12, tol=1e-4)
+    exact = problem.polish(found.best)
+    assert exact.verdict == "strict_minimum" and exact.cost == pytest.approx(KNOWN["acrobot"].cost, rel=1e-9)
+
+
 def test_starts_that_lead_nowhere_are_listed_with_the_reason() -> None:
     impossible = BLOCK(bounds={"force": (-1, 1)}, duration=0.5).search(3)
     assert impossible.status == "no_minimum" and not impossible.success and impossible.minima == []
@@ -438,25 +460,68 @@ def test_a_batch_is_its_problems_one_by_one() -> None:
         ocp.solve_batch(problems[:1], [{"speed": 1.0}])
 
 
-@pytest.mark.parametrize("name", KNOWN)
-def test_arcs_are_found_polished_and_certified_from_a_straight_line(name: str) -> None:
+class Entries(np.ndarray[Any, np.dtype[np.float64]]):
+    """Numbers by the names of a problem."""
+
+    names: list[str]
+
+    @classmethod
+    def of(cls, values: Any, names: list[str]) -> "Entries":
+        entries = np.asarray(values, dtype=float).view(cls)
+        entries.names = names
+        return entries
+
+    def __getattr__(self, name: str) -> Any:
+        if name == "names" or name not in self.names:
+            raise AttributeError(name)
+        return float(self[self.names.index(name)])
+
+
+def worst_miss(problem: ocp.ControlProblem, exact: ocp.PolishResult) -> float:
+    """How far SciPy, with the polished controls, leaves the polished states, and these the ends."""
+    posed = problem.__reduce__()[0].keywords
+    rates, states = posed["dynamics"], problem.state_names
+    n_arguments = len(inspect.signature(rates).parameters)
+    worst = 0.0
+    for name, t in (("initial", exact.horizon[0]), ("final", exact.horizon[1])):
+        given = posed[name] if posed[name] is not None else {}
+        given = given if isinstance(given, dict) else dict(zip(states, given, strict=True))
+        x = dict(zip(states, exact.state(t), strict=True))
+        worst = max([worst, *(abs(x[k] - value) for k, value in given.items() if value is not None)])
+    for arc in exact.arcs:
+        start, end = arc["start"], arc["end"]
+        nodes = np.linspace(start, end, 1 + max(4, round(60 * (end - start) / np.ptp(exact.horizon))))
+        # the control of this arc at its very end
+        last = end - 1e-13 * (end - start)
+        for t0, t1 in itertools.pairwise(nodes):
+
+            def slope(t: float, x: Any, last: float = last) -> Any:
+                u = Entries.of(exact.control(min(t, last)), problem.control_names)
+                return rates(*(Entries.of(x, states), u, t)[:n_arguments])
+
+            x = scipy.integrate.solve_ivp(
+                slope, (t0, t1), exact.state(t0), method="DOP853", rtol=1e-11, atol=1e-12
+            ).y[:, -1]
+            there = exact.state(min(t1, last))
+            worst = max(worst, float((np.abs(x - there) / (1 + np.abs(there))).max()))
+    return worst
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_arcs_are_found_polished_and_certified(name: str) -> None:
     known = KNOWN[name]
-    problem = known.pose()
-    exact = problem.polish(problem.solve())
+    problem, found = solved(name)
+    exact = problem.polish(found)
+    if not known.is_polished:
+        assert exact.verdict == "refused" and exact.cost == found.cost == pytest.approx(known.cost, rel=1e-9)
+        return
     assert exact.success and exact.residual < 1e-10, exact.message
     assert exact.cost == pytest.approx(known.cost, rel=1e-9, abs=1e-9)
-    # costates and Hamiltonian are those of the motion, which an independent integration of an arc confirms
-    arc = max(exact.arcs, key=lambda arc: arc["end"] - arc["start"])
-    t = np.linspace(arc["start"], arc["end"], 9)[1:-1]
-    slope = (exact.state(t + 1e-5) - exact.state(t - 1e-5)) / 2e-5
-    found = exact.found
-    size = np.abs(found.x).max(axis=0) + 1.0
-    assert np.abs(exact.state(t) - found.state(t)).max() < 1e-2 * size.max()
-    assert np.isfinite(slope).all()
+    assert worst_miss(problem, exact) < 1e-8
 
 
 @pytest.mark.study
-@pytest.mark.parametrize("name", KNOWN)
+@pytest.mark.parametrize("name", PLAIN)
 def test_arcs_are_found_on_meshes_of_20_to_160_intervals(name: str) -> None:
     known = KNOWN[name]
     problem = known.pose()

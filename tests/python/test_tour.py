@@ -16,7 +16,7 @@ import tour
 from somersault import errors, multibody
 from tour import chapters, comparison, mujoco_scene, page, thesis
 from tour.__main__ import main
-from tour.chapters import divers, recordings
+from tour.chapters import any_equations, divers, recordings
 
 mpl.use("Agg")
 
@@ -134,6 +134,9 @@ def test_every_figure_is_a_picture_and_has_a_description(folder: Path) -> None:
     assert {"string.png", "splines.png", "dive-frames.png", "dive-weight.png", "twist-frames.png"} < set(used)
     assert {f"swing-up-{name}.png" for name in ("costs", "frames", "curves")} < set(used)
     assert {f"arm-{name}.png" for name in ("states", "torques", "hamiltonian")} < set(used)
+    assert {f"any-{name}.png" for name in ("brachistochrone", "goddard", "goddard-bound", "pendulum")} < set(
+        used
+    )
     for picture in pictures:
         content = picture.read_bytes()
         assert content.startswith(b"\x89PNG") and len(content) > 10_000, picture.name
@@ -168,6 +171,13 @@ def test_table_6_2_differs_only_where_a_reason_is_given(
     assert found == {("rkmk", "largest", 1), ("ab4", "largest", 10)}
     cells = read(folder / "energy.html").cells
     assert "3.06×10³" in cells and "33.99" in cells and "1.03 (printed 1.00)" in cells
+
+
+def test_problems_of_the_literature_come_out_to_the_digits_known(folder: Path) -> None:
+    for each in any_equations.solved().values():
+        assert each.agrees and each.exact.success and each.exact.residual < 1e-10, each.name
+    page = read(folder / "any_equations.html")
+    assert "upper → singular → v at its bound → lower" in page.cells
 
 
 def test_printed_tables_are_whole() -> None:

@@ -51,9 +51,10 @@ PARTS = (
     ),
     Part(
         "Optimal motion",
-        "A pendulum is swung up, and an arm travels with minimum effort: by shooting, by collocation, and,"
-        " where errors grow too fast for both, from the slow manifolds of its extremals.",
-        ("swing_up", "arm", "timescales", "matching", "extremals"),
+        "Any equations, from a straight line to a certified extremal. A pendulum is swung up, and an arm"
+        " travels with minimum effort: by shooting, by collocation, and, where errors grow too fast for"
+        " both, from the slow manifolds of its extremals.",
+        ("any_equations", "swing_up", "arm", "timescales", "matching", "extremals"),
     ),
     Part(
         "The thesis' tables",

@@ -80,7 +80,9 @@ def control_history(
     else:
         found = result.found if isinstance(result, PolishResult) else result
         spans = [(float(found.t[0]), float(found.t[-1]))]
-    pieces = [np.linspace(start, end - 1e-9 * (end - start), _POINTS) for start, end in spans]
+    # within arcs, since a junction may be rounded to the one before or after it
+    inside = np.linspace(1e-9, 1 - 1e-9, _POINTS)
+    pieces = [start + (end - start) * inside for start, end in spans]
     for ax, name, curve, parts in zip(axes, names, curves, entries, strict=True):
         values = [curve(t) for t in pieces]
         gap = np.full((1, len(parts)), np.nan)

@@ -1,9 +1,10 @@
 //! Arcs of a collocation solution, and where the multiple shooting of them starts.
 //!
 //! Labels are put on the intervals of the mesh. A control within 2 % of a bound at all points of an interval is at it. Else it is
-//! interior where H is not affine in it. Where it is, one or two such intervals are a switch, at the time that keeps ∫ u dt, and more
-//! are a singular arc: a coarse singular control oscillates between its bounds, so that how it looks is no sign. A bound of the state
-//! holds where c exceeds −0.3 % of its range and multipliers push; in one or two intervals it is a touch where c is of order 2.
+//! interior where H is not affine in it. Where it is, one or two such intervals, or any number in a brief time, are a switch, at the
+//! time that keeps ∫ u dt, and more are a singular arc: a coarse singular control oscillates between its bounds, so that how it looks
+//! is no sign. A bound of the state holds where c exceeds −0.3 % of its range and multipliers push; in one or two intervals it is a
+//! touch where c is of order 2.
 
 use super::hamiltonian::{BoundedRow, Hamiltonian, MOST_ORDER};
 use super::kind::{ArcKind, ControlKind};
@@ -16,12 +17,15 @@ const AT_BOUND: f64 = 0.02;
 const NEAR: f64 = 3e-3;
 /// Impulse of a bound's multipliers, relative to the costates, below which it does not push.
 const NO_PUSH: f64 = 1e-4;
-/// Part of the largest multiplier of a contact that its first and last points have.
+/// Part of the largest multiplier of a contact, or of its largest impulse, that its first and last points have: a mesh that is graded
+/// towards the ends of a contact has small impulses there, one that is not has them alone where a bound of order 2 holds.
 const PUSHING: f64 = 0.01;
 /// Part of a switch below which an arc is not tried.
 const SLIVER: f64 = 0.02;
 /// Intervals of a switch or a touch at most.
 const SHORT: usize = 2;
+/// Part of the duration of a switch at most, in any number of intervals: a mesh that is graded towards a junction has many there.
+const BRIEF: f64 = 1e-3;
 
 /// What pushes: multipliers of bounds of the state at the points, times what each point stands for.
 pub(super) struct Impulses {
@@ -136,8 +140,9 @@ impl Labels<'_> {
     ) {
         let mut k = 0;
         while k < pieces.len() {
-            let short = pieces[k].what == ControlKind::Singular
-                && self.length(&pieces[k]) <= SHORT
+            let piece = &pieces[k];
+            let short = piece.what == ControlKind::Singular
+                && (self.length(piece) <= SHORT || piece.end - piece.start < BRIEF)
                 && pieces.len() > 1;
             if !short {
                 k += 1;
@@ -239,8 +244,12 @@ impl Labels<'_> {
     }
 
     fn contact(&self, bound: usize, order: usize, pushes: &[f64], first: usize, last: usize) -> Contact {
-        let most = pushes[first..=last].iter().fold(0.0, |a: f64, b| a.max(*b));
-        let pushing: Vec<usize> = (first..=last).filter(|&i| pushes[i] > PUSHING * most).collect();
+        let measures = self.solution.measures();
+        let most = |of: &dyn Fn(usize) -> f64| (first..=last).map(of).fold(0.0, f64::max);
+        let density = |i: usize| pushes[i] / measures[i];
+        let (impulse, multiplier) = (PUSHING * most(&|i| pushes[i]), PUSHING * most(&density));
+        let pushing: Vec<usize> =
+            (first..=last).filter(|&i| pushes[i] > impulse || density(i) > multiplier).collect();
         let ends = (pushing.first().copied().unwrap_or(first), pushing.last().copied().unwrap_or(last));
         let (mut start, mut end) = (self.places[ends.0].0, self.places[ends.1].0);
         let intervals = self.places[ends.1].1 - self.places[ends.0].1 + 1;
