@@ -15,6 +15,7 @@ import box
 import components
 import contact
 import expressions
+import flows
 import ftla
 import long_run
 import multibody
@@ -32,6 +33,7 @@ COMPARISONS = (
     arm,
     programs,
     ftla,
+    flows,
     swing_up,
     components,
 )

@@ -52,8 +52,9 @@ PARTS = (
     Part(
         "Optimal motion",
         "A pendulum is swung up, and an arm travels with minimum effort: by shooting, by collocation, and,"
-        " where errors grow too fast for both, from the slow manifolds of its extremals.",
-        ("swing_up", "arm", "timescales", "matching", "extremals"),
+        " where errors grow too fast for both, from the slow manifolds of its extremals. The same analysis"
+        " serves attractors and currents.",
+        ("swing_up", "arm", "timescales", "matching", "extremals", "flows"),
     ),
     Part(
         "The thesis' tables",
