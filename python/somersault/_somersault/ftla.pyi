@@ -28,12 +28,17 @@ __all__ = [
     "continue_through",
     "cubic_regulator",
     "diagnose",
+    "field_exponents",
     "follow",
     "graded_times",
+    "grid_ridges",
+    "grid_smoothed",
     "linear_regulator",
+    "long_run",
     "rank_held_costates",
     "shoot",
     "slow_subspace",
+    "spectra_convergence",
     "state_costate",
     "travel_arm",
     "tree",
@@ -523,6 +528,7 @@ def field_exponents(
     max_time: float | None = None,
     max_evaluations: int | None = None,
 ) -> dict[str, Any]: ...
+def grid_smoothed(values: ArrayLike, smoothing: float) -> _Floats: ...
 def grid_ridges(
     values: ArrayLike,
     origin: _Pair,

@@ -93,6 +93,9 @@ impl Jet {
     }
 }
 
+/// Wider Gaussians leave nothing of a field.
+const MOST_SMOOTHING: f64 = 100.0;
+
 /// First and second differences of fourth order over five nodes, and of second order over the middle three of them.
 const FIRST: [[f64; 5]; 2] =
     [[1.0 / 12.0, -2.0 / 3.0, 0.0, 2.0 / 3.0, -1.0 / 12.0], [0.0, -0.5, 0.0, 0.5, 0.0]];
@@ -158,10 +161,39 @@ impl Grid {
                 heights: chain.iter().map(|&at| crossings[at].height).collect(),
                 curvatures: chain.iter().map(|&at| crossings[at].curvature).collect(),
             })
-            .filter(|ridge| ridge.length() >= length)
+            .filter(|ridge| ridge.length() >= length && ridge.length() > 0.0)
             .collect();
         ridges.sort_by(|a, b| b.length().total_cmp(&a.length()));
         Ok(ridges)
+    }
+
+    /// Means of neighbours with weights of a Gaussian, whose standard deviation is given in spacings: what has no value is left out.
+    /// Ridges that are narrower than a few spacings come in pieces unless the field is smoothed over about one.
+    pub fn smoothed(&self, values: &[f64], deviation: f64) -> Result<Vec<f64>, ArgumentError> {
+        self.check(values)?;
+        if !(0.0..=MOST_SMOOTHING).contains(&deviation) {
+            let (argument, allowed) = ("smoothing", "from 0 to 100");
+            return Err(ArgumentError::OutOfRange { argument, allowed, found: deviation });
+        }
+        if deviation == 0.0 {
+            return Ok(values.to_vec());
+        }
+        let [nx, ny] = self.count;
+        let reach = (4.0 * deviation).ceil() as usize;
+        let weights: Vec<f64> = (0..=reach).map(|k| (-0.5 * (k as f64 / deviation).powi(2)).exp()).collect();
+        let along = |values: &[f64], stride: usize, length: usize, at: usize, place: usize| {
+            let (mut sum, mut total) = (0.0, 0.0);
+            for other in place.saturating_sub(reach)..length.min(place + reach + 1) {
+                let value = values[at - place * stride + other * stride];
+                if value.is_finite() {
+                    let weight = weights[other.abs_diff(place)];
+                    (sum, total) = (sum + weight * value, total + weight);
+                }
+            }
+            if values[at].is_finite() { sum / total } else { f64::NAN }
+        };
+        let rows: Vec<f64> = (0..nx * ny).map(|at| along(values, 1, nx, at, at % nx)).collect();
+        Ok((0..nx * ny).map(|at| along(&rows, nx, ny, at, at / nx)).collect())
     }
 
     fn index(&self, [i, j]: [usize; 2]) -> usize {

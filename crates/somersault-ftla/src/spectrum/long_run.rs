@@ -75,7 +75,7 @@ impl LongRun {
         Ok(())
     }
 
-    /// The spectrum along the motion from `p`; what there is of it where the motion ends early.
+    /// The spectrum along the motion from `p`, up to where the motion ends early.
     pub fn spectrum<S: VectorField>(
         &self,
         flow: &VariationalFlow<'_, S>,

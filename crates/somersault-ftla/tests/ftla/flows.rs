@@ -5,7 +5,7 @@ use somersault_core::random::SplitMix64;
 use somersault_expr::{Block, ExprFunction, Symbol};
 use somersault_ftla::budget::{Limit, Limits};
 use somersault_ftla::flow::{FlowError, FlowTolerances, VariationalFlow};
-use somersault_ftla::ftle::{Grid, PointStatus, RidgeCriteria, ftle_field};
+use somersault_ftla::ftle::{Grid, PointStatus, Ridge, RidgeCriteria, ftle_field};
 use somersault_ftla::spectrum::{
     ExponentConvergence, Growth, Law, LongRun, SpectraConvergence, TimeDirection, Unsettled, spectra,
     spectrum,
@@ -304,12 +304,10 @@ fn square(n: usize) -> Grid {
 fn a_circular_ridge_is_found_to_fourth_order_and_closed() {
     // σ = exp(−(r − 1)²/0.18): its ridge is r = 1
     let field = |x: f64, y: f64| (-(x.hypot(y) - 1.0).powi(2) / 0.18).exp();
-    let criteria = RidgeCriteria { height: 0.5, ..EVERYTHING };
+    let criteria = RidgeCriteria { height: 0.5, curvature: 1.0, length: 0.1 };
     let error = |n: usize| {
         let grid = square(n);
         let ridges = grid.ridges(&sampled(grid, field), criteria).expect("a grid");
-        let ends: Vec<_> = ridges.iter().map(|r| (r.points.len(), r.points[0], r.points[r.points.len() - 1], r.length())).collect();
-        println!("{n} {ends:?}");
         assert_eq!(ridges.len(), 1, "{n}");
         let ridge = &ridges[0];
         assert_eq!(ridge.points.first(), ridge.points.last());
@@ -356,6 +354,11 @@ fn ridges_need_a_grid() {
     assert!(Grid { spacing: [0.0, 1.0], ..grid }.ridges(&[0.0; 12], EVERYTHING).is_err());
     assert!(Grid { origin: [f64::NAN, 1.0], ..grid }.ridges(&[0.0; 12], EVERYTHING).is_err());
     assert!(grid.ridges(&[0.0; 12], RidgeCriteria { height: f64::NAN, ..EVERYTHING }).is_err());
+    assert!(grid.smoothed(&[0.0; 12], -1.0).is_err() && grid.smoothed(&[0.0; 11], 1.0).is_err());
+    assert_eq!(
+        grid.smoothed(&[2.0; 12], 1.0).map(|values| values.iter().all(|x| (x - 2.0).abs() < 1e-14)),
+        Ok(true)
+    );
     for count in [[0, 0], [1, 1], [0, 5], [2, 2], [3, 4]] {
         let grid = Grid { count, ..grid };
         assert_eq!(grid.ridges(&vec![1.0; count[0] * count[1]], EVERYTHING), Ok(Vec::new()));
@@ -366,22 +369,30 @@ fn ridges_need_a_grid() {
 #[test]
 fn the_ridge_of_a_pendulum_is_its_separatrix() {
     // the stable manifold of the upright rest is where the energy is that of the rest: ω = 2 cos(θ/2)
-    let system = pendulum();
-    let grid = Grid { origin: [-2.0, 0.4], spacing: [0.05, 0.05], count: [81, 45] };
+    let (system, h) = (pendulum(), 0.025);
+    let grid = Grid { origin: [-2.0, 0.4], spacing: [h, h], count: [161, 89] };
     let points: Vec<f64> =
-        (0..81 * 45).flat_map(|k| [-2.0 + 0.05 * (k % 81) as f64, 0.4 + 0.05 * (k / 81) as f64]).collect();
+        (0..161 * 89).flat_map(|k| [-2.0 + h * (k % 161) as f64, 0.4 + h * (k / 161) as f64]).collect();
     let found = ftle_field(&flow(&system), &points, 8.0).expect("bounded");
-    let highest = found.exponents.iter().copied().fold(0.0, f64::max);
-    let criteria = RidgeCriteria { height: 0.6 * highest, curvature: 0.0, length: 1.0 };
-    let ridges = grid.ridges(&found.exponents, criteria).expect("a grid");
-    println!("{highest} {:?}", grid.ridges(&found.exponents, EVERYTHING).expect("").iter().take(5).map(|r| (r.points.len(), r.length(), r.points[0], r.heights[0])).collect::<Vec<_>>());
-    let gap = |p: &[f64; 2]| (p[1] - 2.0 * (0.5 * p[0]).cos()).abs() / (0.5 * p[0]).sin().hypot(1.0);
-    let gaps: Vec<f64> = ridges[0].points.iter().map(gap).collect();
-    let largest = gaps.iter().copied().fold(0.0, f64::max) / 0.05;
-    let mean = gaps.iter().sum::<f64>() / gaps.len() as f64 / 0.05;
-    println!("{} ridges, {} points, {mean} {largest}", ridges.len(), gaps.len());
-    assert!(ridges[0].length() > 3.5, "{}", ridges[0].length());
-    assert!(mean < 0.02 && largest < 0.1, "{mean} {largest}");
+    let of = |smoothing: f64| {
+        let values = grid.smoothed(&found.exponents, smoothing).expect("a grid");
+        let mut sorted = values.clone();
+        sorted.sort_by(f64::total_cmp);
+        let height = 0.5 * (sorted[sorted.len() / 2] + sorted[sorted.len() - 1]);
+        let criteria = RidgeCriteria { height, curvature: 0.0, length: 7.0 * h };
+        let ridges = grid.ridges(&values, criteria).expect("a grid");
+        let gap = |p: &[f64; 2]| (p[1] - 2.0 * (0.5 * p[0]).cos()).abs() / (0.5 * p[0]).sin().hypot(1.0) / h;
+        let gaps: Vec<f64> = ridges.iter().flat_map(|ridge| ridge.points.iter().map(gap)).collect();
+        let largest = gaps.iter().copied().fold(0.0, f64::max);
+        let length: f64 = ridges.iter().map(Ridge::length).sum();
+        println!("{smoothing}: {} ridges of {length}", ridges.len());
+        (ridges.len(), length, gaps.iter().sum::<f64>() / gaps.len() as f64, largest)
+    };
+    // in spacings: a hundredth in the mean where nothing is smoothed, and then in pieces; its length here is 4.6
+    let (_, length, mean, largest) = of(0.0);
+    assert!(length > 2.5 && mean < 0.02 && largest < 0.05, "{length} {mean} {largest}");
+    let (count, length, mean, largest) = of(1.0);
+    assert!(count == 1 && length > 4.3 && mean < 0.03 && largest < 0.2, "{count} {length} {mean} {largest}");
 }
 
 #[test]

@@ -8,6 +8,7 @@ use super::spectrum::Spectrum;
 use crate::core::convert::{array, contiguous, entries, shape_text};
 use crate::core::error::Error;
 use crate::core::rows::Rows;
+use numpy::PyReadonlyArrayDyn;
 use numpy::prelude::*;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -156,6 +157,42 @@ pub(crate) fn field_exponents<'py>(
     Ok(found)
 }
 
+/// A field on a grid, and its nodes along x and y.
+fn field_of<'py>(values: &Bound<'py, PyAny>) -> Result<(PyReadonlyArrayDyn<'py, f64>, [usize; 2]), Error> {
+    let given = contiguous("values", "real numbers of shape (ny, nx)", values)?;
+    match *given.shape() {
+        [ny, nx] => Ok((given, [nx, ny])),
+        ref found => {
+            let found = shape_text(found);
+            Err(Error::input(format!("`values` must have shape (ny, nx), found {found}")))
+        }
+    }
+}
+
+/// A field on a grid smoothed by a Gaussian, for `FtleField.ridges`.
+///
+/// Parameters
+/// ----------
+/// values : array_like, shape (ny, nx)
+/// smoothing : float
+///     Standard deviation, in spacings.
+///
+/// Returns
+/// -------
+/// ndarray, shape (ny, nx)
+#[pyfunction]
+pub(crate) fn grid_smoothed<'py>(
+    py: Python<'py>,
+    values: &Bound<'py, PyAny>,
+    smoothing: f64,
+) -> Result<Bound<'py, PyAny>, Error> {
+    let (given, count) = field_of(values)?;
+    let numbers = given.as_slice().map_err(PyErr::from)?;
+    let grid = Grid { origin: [0.0; 2], spacing: [1.0; 2], count };
+    let found = py.detach(|| grid.smoothed(numbers, smoothing)).map_err(FlowError::from)?;
+    Ok(array(py, found, &[count[1], count[0]])?.into_any())
+}
+
 /// Ridges of a field on a grid, for `FtleField.ridges`.
 ///
 /// Parameters
@@ -178,13 +215,9 @@ pub(crate) fn grid_ridges<'py>(
     curvature: f64,
     length: f64,
 ) -> Result<Vec<[Bound<'py, PyAny>; 3]>, Error> {
-    let given = contiguous("values", "real numbers of shape (ny, nx)", values)?;
-    let &[ny, nx] = given.shape() else {
-        let found = shape_text(given.shape());
-        return Err(Error::input(format!("`values` must have shape (ny, nx), found {found}")));
-    };
+    let (given, count) = field_of(values)?;
     let numbers = given.as_slice().map_err(PyErr::from)?;
-    let grid = Grid { origin, spacing, count: [nx, ny] };
+    let grid = Grid { origin, spacing, count };
     let ridges = py.detach(|| grid.ridges(numbers, RidgeCriteria { height, curvature, length }));
     let ridges = ridges.map_err(FlowError::from)?;
     let of = |ridge: &somersault::ftla::ftle::Ridge| {

@@ -39,7 +39,9 @@ pub(crate) mod module {
     #[pymodule_export]
     use crate::ftla::flow::VariationalFlow;
     #[pymodule_export]
-    use crate::ftla::flow_analysis::{field_exponents, grid_ridges, long_run, spectra_convergence};
+    use crate::ftla::flow_analysis::{
+        field_exponents, grid_ridges, grid_smoothed, long_run, spectra_convergence,
+    };
     #[pymodule_export]
     use crate::ftla::following::Following;
     #[pymodule_export]
