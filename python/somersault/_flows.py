@@ -113,7 +113,8 @@ def _parameters(parameters: Any) -> Any:
     if hidden := [name for name in names if name.startswith("_")]:
         raise InputError(f"`parameters` must have names without an underscore in front, found {hidden[0]!r}")
     values = [_number(f"parameters[{name!r}]", parameters[name]) for name in names]
-    return namedtuple("Parameters", names)._make(values)
+    kind: Any = namedtuple("Parameters", names)
+    return kind(*values)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -288,8 +289,7 @@ class FtleField:
             Standard deviation of the Gaussian that smooths the field first, in spacings. Ridges that are
             narrower than a few spacings come in pieces without it; those that are wide need none.
         min_height : float, optional
-            Lowest exponent on a ridge, 1/s, of the smoothed field; half-way from its median to its largest
-            unless given.
+            Lowest exponent on a ridge, 1/s, of the smoothed field; what a fifth of it is above unless given.
         min_curvature : float, optional
             Least curvature.
         min_length : float, optional
@@ -318,7 +318,7 @@ class FtleField:
         exponents = _extension.grid_smoothed(self.exponents, _number("smoothing", smoothing))
         if min_height is None:
             seen = exponents[np.isfinite(exponents)]
-            min_height = 0.5 * float(np.median(seen) + seen.max()) if seen.size else 0.0
+            min_height = float(np.quantile(seen, 0.8)) if seen.size else 0.0
         if min_length is None:
             min_length = 5.0 * math.hypot(columns[2], rows[2])
         limits = [

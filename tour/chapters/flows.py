@@ -78,7 +78,7 @@ def write(page: Page, measurements: Measurements) -> None:
     field = ftla.ftle_field(
         _flow(_gyre, ("x", "y")), np.stack([x, y], axis=-1), 15.0, domain=[(0, 2), (0, 1)]
     )
-    ridges = field.ridges(min_length=0.3)
+    ridges = field.ridges(min_height=0.2, min_length=0.3)
     page.figure(
         "gyre",
         plotting.exponent_map(field, ridges),

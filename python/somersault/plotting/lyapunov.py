@@ -150,8 +150,12 @@ def exponent_map(
         )
     ax = ax or plt.figure(figsize=(6.4, 3.6), layout="constrained").add_subplot()
     x, y = (field.points[..., k] for k in varying)
-    colours = ax.pcolormesh(x, y, field.exponents, cmap="Greys", shading="nearest", rasterized=True)
-    ax.figure.colorbar(colours, ax=ax, label="exponent, 1/s")
+    # the highest of all are those of walls and rests, beside which nothing would be seen
+    seen = field.exponents[np.isfinite(field.exponents)]
+    limits = np.quantile(seen, [0.02, 0.95]) if seen.size else (0.0, 1.0)
+    shades: dict[str, Any] = {"cmap": "Greys", "vmin": limits[0], "vmax": limits[1]}
+    colours = ax.pcolormesh(x, y, field.exponents, shading="nearest", rasterized=True, **shades)
+    ax.figure.colorbar(colours, ax=ax, label="exponent, 1/s", extend="both")
     for ridge in ridges:
         ax.plot(*ridge.points.T, color=UNSTABLE if field.duration > 0 else CENTER, lw=1.4)
     ax.set_xlabel(names[0])

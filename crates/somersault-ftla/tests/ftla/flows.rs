@@ -304,7 +304,7 @@ fn square(n: usize) -> Grid {
 fn a_circular_ridge_is_found_to_fourth_order_and_closed() {
     // σ = exp(−(r − 1)²/0.18): its ridge is r = 1
     let field = |x: f64, y: f64| (-(x.hypot(y) - 1.0).powi(2) / 0.18).exp();
-    let criteria = RidgeCriteria { height: 0.5, curvature: 1.0, length: 0.1 };
+    let criteria = RidgeCriteria { height: 0.5, curvature: 5.0, length: 0.1 };
     let error = |n: usize| {
         let grid = square(n);
         let ridges = grid.ridges(&sampled(grid, field), criteria).expect("a grid");
