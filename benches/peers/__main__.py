@@ -16,6 +16,7 @@ import components
 import contact
 import control
 import expressions
+import flows
 import ftla
 import long_run
 import multibody
@@ -34,6 +35,7 @@ COMPARISONS = (
     programs,
     control,
     ftla,
+    flows,
     swing_up,
     components,
 )

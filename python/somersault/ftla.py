@@ -1,4 +1,8 @@
-"""Finite-time Lyapunov analysis of hyper-sensitive optimal control.
+"""Finite-time Lyapunov analysis of flows and of hyper-sensitive optimal control.
+
+A `vector_field` in ordinary NumPy is followed by a `VariationalFlow` as any other system: `lyapunov_spectrum`
+has exponents over long times, `ftle_field` those of many initial points with the ridges between them, and
+`exponent_convergence` says whether finite-time exponents have settled.
 
 The necessary conditions of an optimal control problem are a boundary value problem in states and costates,
 p = (x, λ). Where it has rates that are fast against the horizon, shooting fails; the same rates split the
@@ -22,6 +26,16 @@ changes a parameter; for the arm, `solve_arm` needs the fold only and `arm_extre
 """
 
 from somersault._arm_extremals import ArmExtremal, arm_extremals, solve_arm
+from somersault._flows import (
+    ExponentConvergence,
+    FtleField,
+    LyapunovSpectrum,
+    Ridge,
+    exponent_convergence,
+    ftle_field,
+    lyapunov_spectrum,
+    vector_field,
+)
 from somersault._somersault.ftla import (
     Chain,
     ContinuationResult,
@@ -58,12 +72,16 @@ __all__ = [
     "Chain",
     "ContinuationResult",
     "Diagnosis",
+    "ExponentConvergence",
     "Extremal",
     "Following",
+    "FtleField",
+    "LyapunovSpectrum",
     "Matching",
     "MatchingResult",
     "Placement",
     "PlacementResult",
+    "Ridge",
     "Spectrum",
     "Splitting",
     "Subspace",
@@ -76,13 +94,17 @@ __all__ = [
     "continue_through",
     "cubic_regulator",
     "diagnose",
+    "exponent_convergence",
     "follow",
+    "ftle_field",
     "graded_times",
     "linear_regulator",
+    "lyapunov_spectrum",
     "rank_held_costates",
     "shoot",
     "slow_subspace",
     "solve_arm",
     "state_costate",
     "tree",
+    "vector_field",
 ]

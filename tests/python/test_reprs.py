@@ -269,12 +269,18 @@ MADE: dict[str, Callable[[], Any]] = {
     "Chain": lambda: FLOW.chain([1.0, 0.4], [1.0, 2.0]),
     "ContinuationResult": lambda: ftla.cold_start(LINEAR, [1.0], [1.0], 3.0),
     "Diagnosis": lambda: ftla.diagnose(FLOW.spectra([1.0, 0.4], [1.0, 2.0, 4.0]), 40.0),
+    "ExponentConvergence": lambda: ftla.exponent_convergence(
+        FLOW.spectra([1.0, 0.4], np.linspace(0.1, 2, 30))
+    ),
     "Extremal": extremal,
+    "FtleField": lambda: ftla.ftle_field(FLOW, np.zeros((2, 3, 2)), 1.0),
     "Following": lambda: placement().following(FLOW, extremal(), [1.0, 0.0], [1e-3], 0.1)[0],
+    "LyapunovSpectrum": lambda: ftla.lyapunov_spectrum(FLOW, [0.0, 0.0], 10.0),
     "Matching": matching,
     "MatchingResult": lambda: matching().least_squares(max_rounds=1),
     "Placement": placement,
     "PlacementResult": lambda: placement().place(FLOW, [1.0, 0.4]),
+    "Ridge": lambda: ftla.Ridge(np.ones((3, 2)) / 3, np.ones(3) / 3, np.ones(3) / 3),
     "Spectrum": lambda: ftla.VariationalFlow(ftla.arm()).spectrum(np.full(8, 0.1), 1.0),
     "Splitting": lambda: ftla.Splitting(
         FLOW.spectrum([1.0, 0.4], 2.0), FLOW.spectrum([1.0, 0.4], 2.0, "backward"), (1, 0, 1)

@@ -53,8 +53,8 @@ PARTS = (
         "Optimal motion",
         "Any equations, from a straight line to a certified extremal. A pendulum is swung up, and an arm"
         " travels with minimum effort: by shooting, by collocation, and, where errors grow too fast for"
-        " both, from the slow manifolds of its extremals.",
-        ("any_equations", "swing_up", "arm", "timescales", "matching", "extremals"),
+        " both, from the slow manifolds of its extremals. The same analysis serves attractors and currents.",
+        ("any_equations", "swing_up", "arm", "timescales", "matching", "extremals", "flows"),
     ),
     Part(
         "The thesis' tables",

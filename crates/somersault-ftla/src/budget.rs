@@ -1,7 +1,7 @@
 //! Limits of a search, and what it has spent of them.
 
 use std::fmt;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 /// What a search may spend; none of both unless given.
@@ -20,6 +20,8 @@ pub enum Limit {
     Time(Duration),
     /// [`Limits::evaluations`].
     Evaluations(usize),
+    /// [`Budget::stop`] was called.
+    Stopped,
 }
 
 impl fmt::Display for Limit {
@@ -27,6 +29,7 @@ impl fmt::Display for Limit {
         match self {
             Self::Time(time) => write!(f, "the time limit of {} s is reached", time.as_secs_f64()),
             Self::Evaluations(count) => write!(f, "the limit of {count} evaluations is reached"),
+            Self::Stopped => f.write_str("the search was stopped"),
         }
     }
 }
@@ -37,12 +40,14 @@ pub struct Budget {
     limits: Limits,
     began: Instant,
     evaluations: AtomicUsize,
+    stopped: AtomicBool,
 }
 
 impl Limits {
     /// From now on.
     pub fn start(self) -> Budget {
-        Budget { limits: self, began: Instant::now(), evaluations: AtomicUsize::new(0) }
+        let (evaluations, stopped) = (AtomicUsize::new(0), AtomicBool::new(false));
+        Budget { limits: self, began: Instant::now(), evaluations, stopped }
     }
 }
 
@@ -52,8 +57,16 @@ impl Budget {
         self.evaluations.fetch_add(evaluations, Ordering::Relaxed);
     }
 
+    /// Ends the search, from any thread.
+    pub fn stop(&self) {
+        self.stopped.store(true, Ordering::Relaxed);
+    }
+
     /// The limit that has been reached, if one has.
     pub fn reached(&self) -> Option<Limit> {
+        if self.stopped.load(Ordering::Relaxed) {
+            return Some(Limit::Stopped);
+        }
         let Limits { time, evaluations } = self.limits;
         let spent = self.evaluations.load(Ordering::Relaxed);
         let of_evaluations = evaluations.filter(|&most| spent >= most).map(Limit::Evaluations);

@@ -25,6 +25,9 @@
 //! polishes, [`continuation`] follows families from a rest, and [`cold_start`] finds the arm's extremals from nothing.
 //! Every search ends within its [`budget::Limits`], with a status.
 //!
+//! Any other field is analysed as well, one of time too: [`spectrum::LongRun`] has its Lyapunov exponents over a long time, [`ftle`] those
+//! of many initial points with their ridges, and [`system::TracedField`] takes a field written in symbols.
+//!
 //! Source: the thesis, chapters 8–10 and appendices F–H; E. Aykutlug, M. Maggia and K. Mease, *Solving partially
 //! hyper-sensitive optimal control problems using manifold structure*, IFAC Proceedings Volumes 46 (2013); K. Mease,
 //! U. Topcu, E. Aykutluğ and M. Maggia, *Characterizing two-timescale nonlinear dynamics using finite-time Lyapunov
@@ -39,6 +42,7 @@ pub mod budget;
 pub mod cold_start;
 pub mod continuation;
 pub mod flow;
+pub mod ftle;
 mod gram_schmidt;
 pub mod matching;
 pub mod placement;

@@ -16,7 +16,7 @@
 //! | `ocp` | optimal motions; brings `multibody` and `nlp` |
 //! | `dives` | optimal dives; brings `ocp` |
 //! | `motion` | recorded motions; brings `multibody` |
-//! | `ftla` | finite-time Lyapunov analysis; brings `multibody` |
+//! | `ftla` | finite-time Lyapunov analysis; brings `expr` and `multibody` |
 //! | `serde` | serde's traits for bodies, states, models and results |
 //! | `storage` | versioned files, with `serde` |
 #![forbid(unsafe_code)]

@@ -4,6 +4,7 @@ from typing import Any, Literal, TypeAlias, final
 from numpy.typing import ArrayLike
 
 from somersault._somersault import _Floats
+from somersault._somersault.expr import CompiledFunction
 from somersault._somersault.multibody import Model
 
 __all__ = [
@@ -27,12 +28,17 @@ __all__ = [
     "continue_through",
     "cubic_regulator",
     "diagnose",
+    "field_exponents",
     "follow",
     "graded_times",
+    "grid_ridges",
+    "grid_smoothed",
     "linear_regulator",
+    "long_run",
     "rank_held_costates",
     "shoot",
     "slow_subspace",
+    "spectra_convergence",
     "state_costate",
     "travel_arm",
     "tree",
@@ -66,8 +72,12 @@ class System:
     def n_controls(self) -> int: ...
     @property
     def model(self) -> Model | None: ...
-    def field(self, p: ArrayLike) -> _Floats: ...
-    def jacobian(self, p: ArrayLike) -> _Floats: ...
+    @staticmethod
+    def _of_traced(
+        function: CompiledFunction, description: str, origin: tuple[Callable[..., System], tuple[Any, ...]]
+    ) -> System: ...
+    def field(self, p: ArrayLike, t: float = 0.0) -> _Floats: ...
+    def jacobian(self, p: ArrayLike, t: float = 0.0) -> _Floats: ...
     def hamiltonian(self, p: ArrayLike) -> Any: ...
     def control(self, p: ArrayLike) -> _Floats: ...
     def running_cost(self, p: ArrayLike) -> Any: ...
@@ -101,10 +111,18 @@ class Chain:
 @final
 class VariationalFlow:
     def __new__(
-        cls, system: System, *, rtol: float = 1e-12, atol: float = 1e-14, max_steps: int = 100_000
+        cls,
+        system: System,
+        *,
+        rtol: float = 1e-12,
+        atol: float = 1e-14,
+        max_steps: int = 100_000,
+        start: float = 0.0,
     ) -> VariationalFlow: ...
     @property
     def system(self) -> System: ...
+    @property
+    def start(self) -> float: ...
     def state(self, p: ArrayLike, duration: ArrayLike) -> _Floats: ...
     def cost(self, p: ArrayLike, duration: float) -> tuple[_Floats, float]: ...
     def transition(self, p: ArrayLike, duration: float) -> Transition: ...
@@ -490,6 +508,36 @@ def travel_arm(
     max_time: float | None = None,
     max_evaluations: int | None = None,
 ) -> ContinuationResult: ...
+def long_run(
+    flow: VariationalFlow,
+    p: ArrayLike,
+    duration: float,
+    transient: float,
+    samples: int,
+    tolerance: float,
+    *,
+    max_time: float | None = None,
+    max_evaluations: int | None = None,
+) -> dict[str, Any]: ...
+def field_exponents(
+    flow: VariationalFlow,
+    points: ArrayLike,
+    duration: float,
+    domain: Sequence[tuple[float, float]] | None = None,
+    *,
+    max_time: float | None = None,
+    max_evaluations: int | None = None,
+) -> dict[str, Any]: ...
+def grid_smoothed(values: ArrayLike, smoothing: float) -> _Floats: ...
+def grid_ridges(
+    values: ArrayLike,
+    origin: _Pair,
+    spacing: _Pair,
+    height: float,
+    curvature: float,
+    length: float,
+) -> list[list[_Floats]]: ...
+def spectra_convergence(spectra: Sequence[Spectrum], tolerance: float) -> dict[str, Any]: ...
 def follow(
     family: Callable[[float], tuple[System, _EndStates, _EndStates, float]],
     start: Extremal,

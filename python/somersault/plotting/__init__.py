@@ -13,7 +13,14 @@ if find_spec("matplotlib") is None:
 
 from somersault.plotting.bodies import body_motion, gaps, polhode, tree_configuration, tree_motion
 from somersault.plotting.labels import label_ends
-from somersault.plotting.lyapunov import compare_motions, exponents, projections, subspace_angles
+from somersault.plotting.lyapunov import (
+    compare_motions,
+    exponent_history,
+    exponent_map,
+    exponents,
+    projections,
+    subspace_angles,
+)
 from somersault.plotting.methods import (
     abbreviation,
     energy_ratios,
@@ -31,6 +38,8 @@ __all__ = [
     "compare_motions",
     "control_history",
     "energy_ratios",
+    "exponent_history",
+    "exponent_map",
     "exponents",
     "gaps",
     "label_ends",

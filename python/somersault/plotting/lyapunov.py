@@ -16,7 +16,14 @@ from somersault.plotting.labels import label_ends
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["compare_motions", "exponents", "projections", "subspace_angles"]
+__all__ = [
+    "compare_motions",
+    "exponent_history",
+    "exponent_map",
+    "exponents",
+    "projections",
+    "subspace_angles",
+]
 
 Array = NDArray[np.float64]
 
@@ -63,6 +70,96 @@ def exponents(
     ax.set_xlabel("averaging time, s")
     ax.set_ylabel("growth rate μ, 1/s")
     ax.margins(x=0)
+    return ax
+
+
+def exponent_history(found: ftla.LyapunovSpectrum, ax: Axes | None = None) -> Axes:
+    """Lyapunov exponents over the time of a long motion, with bands of their errors at its end.
+
+    Parameters
+    ----------
+    found : LyapunovSpectrum
+    ax : matplotlib.axes.Axes, optional
+        Axes to draw into.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from somersault import ftla, plotting
+    >>> flow = ftla.VariationalFlow(ftla.vector_field(lambda x: (x.b, -np.sin(x.a)), states=("a", "b")))
+    >>> ax = plotting.exponent_history(ftla.lyapunov_spectrum(flow, [2.0, 0.0], 100.0))
+    >>> len(ax.lines)
+    3
+    """
+    ax = ax or plt.figure(figsize=(5.0, 3.6), layout="constrained").add_subplot()
+    ax.axhline(0.0, color="0.8", lw=0.8, zorder=0)
+    for curve, exponent, error in zip(found.history.T, found.exponents, found.errors, strict=True):
+        sure = bool(abs(exponent) > error)
+        colour = CENTER if not sure else UNSTABLE if exponent > 0 else STABLE
+        ax.plot(found.times, curve, color=colour, lw=1.4)
+        if np.isfinite(error):
+            ax.axhspan(exponent - error, exponent + error, color=colour, alpha=0.15, lw=0)
+    ax.set_xlabel("time, s")
+    ax.set_ylabel("Lyapunov exponents, 1/s")
+    ax.margins(x=0)
+    return ax
+
+
+def exponent_map(
+    field: ftla.FtleField,
+    ridges: Sequence[ftla.Ridge] = (),
+    names: tuple[str, str] = ("x", "y"),
+    ax: Axes | None = None,
+) -> Axes:
+    """A field of finite-time exponents over a grid, with its ridges.
+
+    Parameters
+    ----------
+    field : FtleField
+        Over a grid of shape (rows, columns), whose columns are along the first of the states that vary.
+    ridges : sequence of Ridge, optional
+        As `FtleField.ridges` finds them.
+    names : tuple of str, optional
+        What to call the two states that vary.
+    ax : matplotlib.axes.Axes, optional
+        Axes to draw into.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from somersault import ftla, plotting
+    >>> flow = ftla.VariationalFlow(ftla.vector_field(lambda x: (x.b, -np.sin(x.a)), states=("a", "b")))
+    >>> points = np.stack(np.meshgrid(np.linspace(-2, 2, 21), np.linspace(0, 2, 11)), axis=-1)
+    >>> field = ftla.ftle_field(flow, points, 6.0)
+    >>> ax = plotting.exponent_map(field, field.ridges(), names=("angle", "rate"))
+    >>> ax.get_xlabel()
+    'angle'
+    """
+    varying = [k for k in range(field.points.shape[-1]) if np.ptp(field.points[..., k]) > 0.0]
+    if field.points.ndim != 3 or len(varying) != 2:
+        raise errors.InputError(
+            f"`field` must be over a grid of two states that vary, found points of shape {field.points.shape}"
+        )
+    ax = ax or plt.figure(figsize=(6.4, 3.6), layout="constrained").add_subplot()
+    x, y = (field.points[..., k] for k in varying)
+    # the highest of all are those of walls and rests, beside which nothing would be seen
+    seen = field.exponents[np.isfinite(field.exponents)]
+    limits = np.quantile(seen, [0.02, 0.95]) if seen.size else (0.0, 1.0)
+    shades: dict[str, Any] = {"cmap": "Greys", "vmin": limits[0], "vmax": limits[1]}
+    colours = ax.pcolormesh(x, y, field.exponents, shading="nearest", rasterized=True, **shades)
+    ax.figure.colorbar(colours, ax=ax, label="exponent, 1/s", extend="both")
+    for ridge in ridges:
+        ax.plot(*ridge.points.T, color=UNSTABLE if field.duration > 0 else CENTER, lw=1.4)
+    ax.set_xlabel(names[0])
+    ax.set_ylabel(names[1])
     return ax
 
 

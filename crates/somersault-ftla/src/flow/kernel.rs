@@ -3,7 +3,7 @@
 mod rows;
 mod switching;
 
-use super::{FlowError, FlowTolerances, VariationalFlow, Work};
+use super::{FlowError, FlowTolerances, Transition, VariationalFlow, Work, nothing};
 use crate::budget::Budget;
 use crate::gram_schmidt::orthonormalise;
 use crate::system::{Piece, VectorField};
@@ -42,6 +42,9 @@ pub(super) struct Kernel<'a, S, const MATRIX: bool> {
     budget: Option<&'a Budget>,
     /// Evaluations that the budget knows of.
     reported: usize,
+    /// Time of the field at the start of the run.
+    origin: f64,
+    domain: Option<&'a [[f64; 2]]>,
     pub(super) t: f64,
     pub(super) state: Aligned,
     /// Φ.
@@ -102,6 +105,7 @@ where
         // often knows it when it is compiled, the others are not made.
         match kernel.system.dimension() {
             2 => kernel.steps::<V, 2, 4>(end, growth, integrand),
+            3 => kernel.steps::<V, 3, 9>(end, growth, integrand),
             4 => kernel.steps::<V, 4, 16>(end, growth, integrand),
             6 => kernel.steps::<V, 6, 36>(end, growth, integrand),
             8 => kernel.steps::<V, 8, 64>(end, growth, integrand),
@@ -140,6 +144,8 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
             max_steps: flow.max_steps,
             budget: flow.budget,
             reported: 0,
+            origin: flow.origin,
+            domain: flow.domain,
             t: 0.0,
             state,
             rows,
@@ -164,7 +170,7 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
                 sums: [zeros(side), zeros(side), zeros(side)],
             },
         };
-        if !kernel.first_stage::<pulp::Scalar, ANY>() {
+        if !kernel.first_stage::<pulp::Scalar, ANY>(0.0) {
             return Err(kernel.non_finite());
         }
         kernel.h = kernel.first_step_size().min(duration.abs()).copysign(duration);
@@ -181,6 +187,30 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
         for (i, row) in self.row_slopes[..n * n].chunks_exact_mut(n).enumerate() {
             row.iter_mut().zip(self.jacobian.row(i).iter()).for_each(|(slope, d)| *slope = *d);
         }
+    }
+
+    /// Steps to `end`, and gives `each` the factors of Φ on the way, ended where they stretch or shrink by more than `growth`.
+    pub(super) fn links_to(
+        &mut self,
+        end: f64,
+        growth: f64,
+        mut each: impl FnMut(Transition),
+    ) -> Result<(), FlowError> {
+        loop {
+            let start = self.t;
+            let progress = self.advance(end, growth, nothing)?;
+            each(Transition { duration: self.t - start, end: self.point(), matrix: self.matrix() });
+            self.restart_matrix();
+            if progress == Progress::Arrived {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Counts the work from zero again.
+    pub(super) fn take_work(&mut self) -> Work {
+        self.reported = 0;
+        std::mem::take(&mut self.work)
     }
 
     /// p.
@@ -283,7 +313,8 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
             self.scratch.first_row_slope.copy_from_slice(&self.row_slopes[..square]);
             self.swap();
             let before = entered.map(|next| std::mem::replace(&mut self.piece, next));
-            if !self.first_stage::<V, N>() {
+            let arrived = if last { end } else { self.t + h };
+            if !self.first_stage::<V, N>(arrived) {
                 self.swap();
                 self.slopes[..n].copy_from_slice(&self.scratch.first_slope);
                 self.row_slopes[..square].copy_from_slice(&self.scratch.first_row_slope);
@@ -297,7 +328,7 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
             }
             self.integral += h * gain;
             self.work.steps += 1;
-            self.t = if last { end } else { self.t + h };
+            self.t = arrived;
             // a step cut short to arrive says nothing against the size before it
             self.h = if h.abs() < self.h.abs() {
                 self.h.abs().max((h * factor).abs()).copysign(h)
@@ -305,6 +336,9 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
                 h * factor
             };
             rejected = false;
+            if self.domain.is_some_and(|domain| leaves(domain, &self.state)) {
+                return Err(FlowError::LeftDomain { t: self.t, state: self.state.to_vec() });
+            }
             match before {
                 Some(before) => {
                     self.watch_here();
@@ -364,19 +398,20 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
         largest.max(1.0 / smallest)
     }
 
-    /// Slopes at the current state; false if they are not finite.
+    /// Slopes at the current state, at a time since the start of the run; false if they are not finite.
     #[inline(always)]
-    fn first_stage<V: pulp::Simd, const N: usize>(&mut self) -> bool {
+    fn first_stage<V: pulp::Simd, const N: usize>(&mut self, t: f64) -> bool {
         let n = if N == ANY { self.n } else { N };
         self.work.evaluations += 1;
         let slope = &mut self.slopes[..n];
         if MATRIX {
             let row_slope = &mut self.row_slopes[..n * n];
-            self.system.linearize_in(&self.piece, &self.state[..n], slope, &mut self.jacobian);
+            let (t, d) = (self.origin + t, &mut self.jacobian);
+            self.system.linearize_at(t, &self.piece, &self.state[..n], slope, d);
             let d = &self.jacobian.as_slice()[..n * n];
             self.system.tangent(n, d, &self.rows[..n * n], row_slope, multiply_add::<V>);
         } else {
-            self.system.field_in(&self.piece, &self.state[..n], slope);
+            self.system.field_at(self.origin + t, &self.piece, &self.state[..n], slope);
         }
         self.slopes[..n].iter().sum::<f64>().is_finite() && (!MATRIX || is_finite(&self.row_slopes[..n * n]))
     }
@@ -399,15 +434,16 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
             let p = if N == ANY { &mut self.next[..n] } else { &mut known[..] };
             combine::<V, N>(Some(&self.state[..n]), &self.slopes, row, h, p);
             let slope = &mut self.slopes[i * n..(i + 1) * n];
+            let t = self.origin + self.t + self.tableau.node(i) * h;
             if MATRIX {
                 // before the field, whose latency it fills
                 let next_rows = &mut self.next_rows[..square];
                 combine::<V, SQUARE>(Some(&self.rows[..square]), &self.row_slopes, row, h, next_rows);
                 let variation = (&*next_rows, &mut self.row_slopes[i * square..(i + 1) * square]);
                 let d = &mut self.scratch.stage_jacobian;
-                self.system.variation_in(&self.piece, p, slope, d, variation, multiply_add::<V>);
+                self.system.variation_at(t, &self.piece, p, slope, d, variation, multiply_add::<V>);
             } else {
-                self.system.field_in(&self.piece, p, slope);
+                self.system.field_at(t, &self.piece, p, slope);
             }
             self.integrands[i] = integrand(&self.piece, p);
         }
@@ -517,6 +553,18 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
         FlowError::NonFinite { quantity, t: self.t, state: self.state.to_vec(), source }
     }
 }
+
+/// Whether a point is outside of a box by more than rounding.
+fn leaves(domain: &[[f64; 2]], state: &[f64]) -> bool {
+    domain.iter().zip(state).any(|(&[low, high], x)| {
+        let width = high - low;
+        let slack = if width.is_finite() { OUTSIDE * width } else { 0.0 };
+        *x < low - slack || *x > high + slack
+    })
+}
+
+/// How far outside of its domain a point counts as gone, in widths of the domain: motions along its boundary are inside.
+const OUTSIDE: f64 = 1e-9;
 
 /// The larger one, or NaN if there is one.
 #[inline(always)]

@@ -77,6 +77,14 @@ pub enum FlowError {
         /// Last state.
         state: Vec<f64>,
     },
+    /// The motion has left the domain that it was to stay in.
+    #[error("the motion has left the domain at t = {t}")]
+    LeftDomain {
+        /// Time since the start of the run.
+        t: f64,
+        /// The first state outside, at the end of a step.
+        state: Vec<f64>,
+    },
     /// The run needs more steps than allowed.
     #[error("{steps} steps reach only t = {t}")]
     TooManySteps {
@@ -184,6 +192,15 @@ impl Chain {
     }
 }
 
+/// What [`VariationalFlow::factors`] gives.
+#[derive(Debug)]
+pub(crate) enum Factor {
+    /// The next factor.
+    Link(Transition),
+    /// The time of this number is reached.
+    Mark(usize),
+}
+
 /// Integrates a field with its transition matrix, forward and, for a negative duration, backward.
 #[derive(Debug)]
 pub struct VariationalFlow<'a, S> {
@@ -192,6 +209,8 @@ pub struct VariationalFlow<'a, S> {
     max_steps: usize,
     scale: Scale,
     budget: Option<&'a Budget>,
+    origin: f64,
+    domain: Option<&'a [[f64; 2]]>,
 }
 
 /// The units in which absolute tolerances count.
@@ -220,7 +239,7 @@ impl<'a, S: VectorField> VariationalFlow<'a, S> {
             return Err(ArgumentError::OutOfRange { argument: "absolute", allowed, found: absolute }.into());
         }
         let scale = Scale { state: DVector::repeat(system.dimension(), 1.0), cost: 1.0 };
-        Ok(Self { system, tolerances, max_steps: 100_000, scale, budget: None })
+        Ok(Self { system, tolerances, max_steps: 100_000, scale, budget: None, origin: 0.0, domain: None })
     }
 
     /// With the absolute tolerance in units of `state` for each entry of p and of `cost` for the cost, all positive; one
@@ -237,6 +256,27 @@ impl<'a, S: VectorField> VariationalFlow<'a, S> {
     /// Allows `max_steps` steps in a run.
     pub fn with_max_steps(self, max_steps: usize) -> Self {
         Self { max_steps, ..self }
+    }
+
+    /// With runs that start at time `t` of a field that depends on time; at zero unless given.
+    pub fn starting_at(self, t: f64) -> Self {
+        Self { origin: t, ..self }
+    }
+
+    /// With runs that end where a step has led out of a box, a lower and an upper limit of each entry of p. What is along its
+    /// boundary is inside.
+    pub fn inside(self, domain: &'a [[f64; 2]]) -> Self {
+        Self { domain: Some(domain), ..self }
+    }
+
+    /// The time of the field at the start of runs.
+    pub fn start(&self) -> f64 {
+        self.origin
+    }
+
+    /// What has ended the search that runs belong to, if anything has.
+    pub(crate) fn ended(&self) -> Option<Limit> {
+        self.budget.and_then(Budget::reached)
     }
 
     /// The system.
@@ -312,23 +352,39 @@ impl<'a, S: VectorField> VariationalFlow<'a, S> {
         chain.marks.clear();
         chain.times.clear();
         let mut kernel = self.kernel::<true>(p, last)?;
-        let mut link_start = 0.0;
         for &time in times {
-            loop {
-                let progress = kernel.advance(time, growth, nothing)?;
-                let duration = kernel.t - link_start;
-                chain.links.push(Transition { duration, end: kernel.point(), matrix: kernel.matrix() });
-                kernel.restart_matrix();
-                link_start = kernel.t;
-                if progress == Progress::Arrived {
-                    break;
-                }
-            }
+            kernel.links_to(time, growth, |link| chain.links.push(link))?;
             chain.marks.push(chain.links.len());
             chain.times.push(time);
         }
         chain.work = kernel.work;
         Ok(())
+    }
+
+    /// Gives `each` the factors of Φ up to a time and, after the last of them, `mark` its number, for each of `times` in turn, which
+    /// are as those of a chain. Factors end as in a chain and are not kept. `max_steps` bounds the steps between times.
+    pub(crate) fn factors(
+        &self,
+        p: &DVector<f64>,
+        times: &[f64],
+        growth: f64,
+        mut each: impl FnMut(Factor),
+    ) -> (Work, Result<(), FlowError>) {
+        let Some(&last) = times.last() else { return (Work::default(), Ok(())) };
+        let mut kernel = match self.kernel::<true>(p, last) {
+            Ok(kernel) => kernel,
+            Err(error) => return (Work::default(), Err(error)),
+        };
+        let mut work = Work::default();
+        for (mark, &time) in times.iter().enumerate() {
+            let done = kernel.links_to(time, growth, |link| each(Factor::Link(link)));
+            work += kernel.take_work();
+            if let Err(error) = done {
+                return (work, Err(error));
+            }
+            each(Factor::Mark(mark));
+        }
+        (work, Ok(()))
     }
 
     /// Where the motion from `p` goes from one smooth piece of the field to the next, with the piece that begins there.

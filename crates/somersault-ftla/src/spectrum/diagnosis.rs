@@ -181,18 +181,9 @@ pub fn diagnose(spectra: &[Spectrum], horizon: f64) -> Result<Diagnosis, Spectru
     if !horizon.is_finite() || horizon <= 0.0 {
         return Err(SpectrumError::Horizon { found: horizon });
     }
-    for pair in spectra.windows(2) {
-        let (expected, found) = (pair[0].exponents.len(), pair[1].exponents.len());
-        if found != expected {
-            return Err(SpectrumError::Sizes { expected, found });
-        }
-        let (before, after) = (pair[0].time, pair[1].time);
-        if pair[0].direction != pair[1].direction || before.is_nan() || after.is_nan() || before >= after {
-            return Err(SpectrumError::Order { before, after });
-        }
-    }
+    Spectrum::expect_family(spectra)?;
     let last = spectra.last().ok_or(SpectrumError::Empty)?;
-    let growths: Vec<Growth> = spectra.iter().map(Growth::of).collect();
+    let growths: Vec<Stretches> = spectra.iter().map(Stretches::of).collect();
     let views: Vec<View> = (0..growths.len()).filter_map(|i| view(&growths, i)).collect();
     let settled = views.last().filter(|view| view.settled);
     let best = settled.and_then(|last| {
@@ -243,12 +234,12 @@ const PAIRED: f64 = 1e-3;
 
 /// ℓ at one averaging time, ascending.
 #[derive(Debug, Clone)]
-struct Growth {
+struct Stretches {
     time: f64,
     logs: DVector<f64>,
 }
 
-impl Growth {
+impl Stretches {
     fn of(spectrum: &Spectrum) -> Self {
         let mut logs = &spectrum.balanced * (spectrum.direction.sign() * spectrum.time);
         logs.as_mut_slice().sort_by(f64::total_cmp);
@@ -303,7 +294,7 @@ impl View {
 }
 
 /// None where the averaging times do not go down to a quarter of that of number `at`.
-fn view(growths: &[Growth], at: usize) -> Option<View> {
+fn view(growths: &[Stretches], at: usize) -> Option<View> {
     let now = &growths[at];
     let half = interpolated(growths, 0.5 * now.time)?;
     let quarter = interpolated(growths, 0.25 * now.time)?;
@@ -325,7 +316,7 @@ fn view(growths: &[Growth], at: usize) -> Option<View> {
 }
 
 /// ℓ between averaging times.
-fn interpolated(growths: &[Growth], time: f64) -> Option<Growth> {
+fn interpolated(growths: &[Stretches], time: f64) -> Option<Stretches> {
     // a time that differs by rounding is the same
     let after = growths.iter().position(|growth| growth.time >= time * (1.0 - 1e-12))?;
     let right = &growths[after];
@@ -334,10 +325,10 @@ fn interpolated(growths: &[Growth], time: f64) -> Option<Growth> {
     }
     let left = &growths[after.checked_sub(1)?];
     let part = (time - left.time) / (right.time - left.time);
-    Some(Growth { time, logs: &left.logs + (&right.logs - &left.logs) * part })
+    Some(Stretches { time, logs: &left.logs + (&right.logs - &left.logs) * part })
 }
 
-fn of_view(spectrum: &Spectrum, growth: &Growth, view: &View, horizon: f64) -> Diagnosis {
+fn of_view(spectrum: &Spectrum, growth: &Stretches, view: &View, horizon: f64) -> Diagnosis {
     let [lower, upper] = view.first;
     let mut rates = spectrum.rates();
     rates.as_mut_slice().sort_by(f64::total_cmp);
@@ -354,8 +345,8 @@ fn of_view(spectrum: &Spectrum, growth: &Growth, view: &View, horizon: f64) -> D
 }
 
 /// Without a splitting, at the longest averaging time.
-fn of_nothing(growth: &Growth, horizon: f64) -> Diagnosis {
-    let Growth { time, logs } = growth;
+fn of_nothing(growth: &Stretches, horizon: f64) -> Diagnosis {
+    let Stretches { time, logs } = growth;
     let gaps = match widest(logs, |k| growth.gap(k)) {
         Some(first) => first.map(|k| growth.gap(k) / time),
         None => [0.0; 2],

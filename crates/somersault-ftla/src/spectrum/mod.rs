@@ -12,11 +12,17 @@
 //! | E^cu | l⁻_{n^s+1} … l⁻_{2n} | (9.8) |
 //! | E^u | l⁻_{n^s+n^c+1} … l⁻_{2n} | (9.9) |
 
+mod convergence;
 mod diagnosis;
+mod growth;
+mod long_run;
 mod product;
 mod subspace;
 
+pub use convergence::{ExponentConvergence, Settling, SpectraConvergence};
 pub use diagnosis::{Diagnosis, Unknown, Verdict, diagnose};
+pub use growth::{Growth, Law, Unsettled};
+pub use long_run::{LongRun, LyapunovSpectrum};
 pub use subspace::Subspace;
 
 use crate::flow::{Chain, FlowError, Transition, VariationalFlow};
@@ -145,15 +151,17 @@ pub fn spectra<S: VectorField>(
     }
     let mut chain = Chain::new();
     flow.chain_into(p, &signed, GROWTH, &mut chain)?;
-    let of_mark = |mark: usize| {
+    let mut h = vec![0.0; p.len()];
+    let mut of_mark = |mark: usize| {
         // a system that has lost its values has been stopped: the products end with the motion
-        if flow.system().field(p.as_slice()).iter().all(|h| h.is_finite()) {
+        flow.system().field_at(flow.start(), &flow.system().piece(p.as_slice()), p.as_slice(), &mut h);
+        if h.iter().all(|h| h.is_finite()) {
             return Ok(Spectrum::of_factors(chain.until(mark)));
         }
         let (quantity, state) = ("field", p.as_slice().to_vec());
         Err(FlowError::NonFinite { quantity, t: 0.0, state, source: flow.system().fault(p.as_slice()) })
     };
-    (0..times.len()).map(of_mark).collect()
+    (0..times.len()).map(&mut of_mark).collect()
 }
 
 /// The spectrum at `p` for one averaging time.

@@ -12,16 +12,19 @@ mod chart;
 mod piece;
 mod scalar;
 mod state_costate;
+mod traced;
 mod tree;
 
 pub use arm::ArmMinimumTorque;
 pub use piece::{Piece, Side};
 pub use scalar::{CubicRegulator, LinearRegulator};
 pub use state_costate::{ControlProblem, DifferentiatedProblem, ProblemDerivatives, StateCostate};
+pub use traced::TracedField;
 pub use tree::TreeMinimumTorque;
 
 use nalgebra::{DMatrix, DVector};
 use somersault_core::argument::ArgumentError;
+use somersault_expr::ExprError;
 use somersault_multibody::{DynamicsError, ModelError};
 
 /// Why a system has no value at a point, or cannot be made.
@@ -61,14 +64,18 @@ pub enum SystemError {
     /// The model cannot be built.
     #[error(transparent)]
     Model(#[from] ModelError),
+    /// A traced function is not the field of a system.
+    #[error(transparent)]
+    Expr(#[from] ExprError),
     /// The dynamics of the tree fail.
     #[error(transparent)]
     Dynamics(#[from] DynamicsError),
 }
 
-/// An autonomous field ṗ = h(p) with its Jacobian. Points are as many numbers as its dimension.
+/// A field ṗ = h(p) with its Jacobian. Points are as many numbers as its dimension.
 ///
-/// Where the field has no value it writes NaN, and [`fault`](Self::fault) says why.
+/// A field that depends on time, ṗ = h(t, p), has no switches and implements the methods whose names end in `_at`, which flows call;
+/// the others are then those of the time zero. Where the field has no value it writes NaN, and [`fault`](Self::fault) says why.
 pub trait VectorField {
     /// How many numbers a point has.
     fn dimension(&self) -> usize;
@@ -174,6 +181,35 @@ pub trait VectorField {
     #[inline(always)]
     fn linearize_in(&self, _piece: &Piece, p: &[f64], h: &mut [f64], d: &mut DMatrix<f64>) {
         self.linearize_into(p, h, d);
+    }
+
+    /// Writes h(t, p) of one piece.
+    #[inline(always)]
+    fn field_at(&self, _t: f64, piece: &Piece, p: &[f64], h: &mut [f64]) {
+        self.field_in(piece, p, h);
+    }
+
+    /// Writes h(t, p) of one piece and ∂h/∂p.
+    #[inline(always)]
+    fn linearize_at(&self, _t: f64, piece: &Piece, p: &[f64], h: &mut [f64], d: &mut DMatrix<f64>) {
+        self.linearize_in(piece, p, h, d);
+    }
+
+    /// h and D Φ at a time, as [`variation_in`](Self::variation_in) has them.
+    #[inline(always)]
+    fn variation_at(
+        &self,
+        _t: f64,
+        piece: &Piece,
+        p: &[f64],
+        h: &mut [f64],
+        d: &mut DMatrix<f64>,
+        variation: (&[f64], &mut [f64]),
+        multiply_add: impl Fn(f64, f64, f64) -> f64,
+    ) where
+        Self: Sized,
+    {
+        self.variation_in(piece, p, h, d, variation, multiply_add);
     }
 
     /// Writes, of each switch, a smooth function that is positive where the piece holds and zero where it ends.

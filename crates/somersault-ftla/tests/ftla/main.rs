@@ -6,6 +6,7 @@ mod diagnosis;
 mod extended;
 mod extremals;
 mod flow;
+mod flows;
 mod limits;
 mod matching;
 mod placement;

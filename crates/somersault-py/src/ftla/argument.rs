@@ -56,7 +56,7 @@ macro_rules! named {
 }
 
 named! {
-    whole: whole_number -> usize, [dimension, n_controls, n_states, max_iterations, max_rounds, max_steps];
+    whole: whole_number -> usize, [dimension, n_controls, n_states, max_iterations, max_rounds, max_steps, samples];
     wholes: whole_numbers -> Vec<usize>, [held, passive, conserved];
     triple: three -> (usize, usize, usize), [dims];
     pair: two -> [f64; 2], [masses, lengths, damping, weights];

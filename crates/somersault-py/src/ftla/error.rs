@@ -48,6 +48,7 @@ pub(super) fn of_motion(which: &str, error: FlowError) -> Error {
     match error {
         FlowError::NonFinite { t, state, .. } => with_place(Class::Evaluation, message, t, &state),
         FlowError::StepUnderflow { t, state }
+        | FlowError::LeftDomain { t, state }
         | FlowError::TooManySteps { t, state, .. }
         | FlowError::LimitReached { t, state, .. } => with_place(Class::Integration, message, t, &state),
         error => Error::own(Class::Input, &error),

@@ -4,7 +4,7 @@ use super::argument::whole;
 use super::chain::{Chain, Transition};
 use super::dimension::{rows_array, vector};
 use super::error::of_motion;
-use super::run::attend;
+use super::run::{attend, attend_with_rest};
 use super::settings::{Plain, Settings, tolerances_of};
 use super::spectrum::{Spectrum, direction_of};
 use super::system::System;
@@ -17,6 +17,7 @@ use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 use rayon::prelude::*;
+use somersault::ftla::budget::Limits;
 use somersault::ftla::flow::{self, FlowTolerances};
 use somersault::ftla::nalgebra::DVector;
 use somersault::ftla::spectrum::spectra;
@@ -38,6 +39,8 @@ use somersault::ftla::system::{Piece, Side, VectorField};
 ///     Error of one step that is always allowed in an entry of the state.
 /// max_steps : int, optional
 ///     Of a run.
+/// start : float, optional
+///     Time of a field that depends on it, at the start of runs.
 ///
 /// Raises
 /// ------
@@ -58,6 +61,8 @@ use somersault::ftla::system::{Piece, Side, VectorField};
 pub(crate) struct VariationalFlow {
     pub(crate) system: Py<System>,
     pub(crate) settings: Settings,
+    /// Time at the start of runs.
+    start: f64,
 }
 
 /// Transitions from points, one after the other, in parallel.
@@ -91,8 +96,24 @@ impl VariationalFlow {
         py: Python<'_>,
         work: impl FnOnce(flow::VariationalFlow<'_, Watched>) -> Result<T, Error> + Send,
     ) -> Result<T, Error> {
-        let (system, settings) = (self.system.get(), self.settings);
-        attend(py, |run| work(settings.flow(&system.watched(run)?)?))
+        let (system, settings, start) = (self.system.get(), self.settings, self.start);
+        attend(py, |run| work(settings.flow(&system.watched(run)?)?.starting_at(start)))
+    }
+
+    /// As `attend` within limits, for work that gives what it has where it ends early: with what was raised.
+    pub(super) fn attend_with_rest<T: Send>(
+        &self,
+        py: Python<'_>,
+        limits: Limits,
+        work: impl FnOnce(flow::VariationalFlow<'_, Watched>) -> Result<T, Error> + Send,
+    ) -> Result<(T, Option<PyErr>), Error> {
+        let (system, settings, start) = (self.system.get(), self.settings, self.start);
+        let budget = limits.start();
+        attend_with_rest(
+            py,
+            || budget.stop(),
+            |run| work(settings.flow(&system.watched(run)?)?.starting_at(start).within(&budget)),
+        )
     }
 
     /// A point of the system's dimension.
@@ -108,18 +129,28 @@ impl VariationalFlow {
 #[pymethods]
 impl VariationalFlow {
     #[new]
-    #[pyo3(signature = (system, *, rtol=1e-12, atol=1e-14, max_steps=100_000))]
+    #[pyo3(signature = (system, *, rtol=1e-12, atol=1e-14, max_steps=100_000, start=0.0))]
     fn new(
         system: Py<System>,
         rtol: f64,
         atol: f64,
         #[pyo3(from_py_with = whole::max_steps)] max_steps: usize,
+        start: f64,
     ) -> Result<Self, Error> {
         let tolerances = tolerances_of(rtol, atol)?;
         if max_steps == 0 {
             return Err(Error::input("`max_steps` must be positive, found 0"));
         }
-        Ok(Self { system, settings: Settings { tolerances, max_steps } })
+        if !start.is_finite() {
+            return Err(Error::input(format!("`start` must be finite, found {start}")));
+        }
+        Ok(Self { system, settings: Settings { tolerances, max_steps }, start })
+    }
+
+    /// float: Time of a field that depends on it, at the start of runs.
+    #[getter]
+    fn start(&self) -> f64 {
+        self.start
     }
 
     /// System: What is integrated.
@@ -406,13 +437,18 @@ impl VariationalFlow {
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let own = slf.get();
-        by_restore(slf, (own.system.bind(slf.py()), own.settings.plain()))
+        by_restore(slf, (own.system.bind(slf.py()), own.settings.plain(), own.start))
     }
 
     /// A pickled flow.
     #[classmethod]
-    fn _restore(_: &Bound<'_, PyType>, system: Py<System>, settings: Plain) -> Result<Self, Error> {
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        system: Py<System>,
+        settings: Plain,
+        start: f64,
+    ) -> Result<Self, Error> {
         let (rtol, atol, max_steps) = settings;
-        Self::new(system, rtol, atol, max_steps)
+        Self::new(system, rtol, atol, max_steps, start)
     }
 }

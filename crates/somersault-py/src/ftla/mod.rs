@@ -1,4 +1,4 @@
-//! Finite-time Lyapunov analysis of hyper-sensitive optimal control: `somersault.ftla`.
+//! Finite-time Lyapunov analysis of flows and of hyper-sensitive optimal control: `somersault.ftla`.
 //!
 //! Classes here hold the crate's own values, and [`Watched`](watched::Watched) is the system of every calculation.
 
@@ -11,6 +11,7 @@ mod differentiated;
 mod dimension;
 mod error;
 mod flow;
+mod flow_analysis;
 mod following;
 mod matching;
 mod named_systems;
@@ -24,7 +25,7 @@ mod subspace;
 mod system;
 mod watched;
 
-/// Finite-time Lyapunov analysis of hyper-sensitive optimal control.
+/// Finite-time Lyapunov analysis of flows and of hyper-sensitive optimal control.
 #[pyo3::pymodule(name = "ftla", module = "somersault._somersault", submodule)]
 pub(crate) mod module {
     #[pymodule_export]
@@ -37,6 +38,10 @@ pub(crate) mod module {
     use crate::ftla::control_problem::state_costate;
     #[pymodule_export]
     use crate::ftla::flow::VariationalFlow;
+    #[pymodule_export]
+    use crate::ftla::flow_analysis::{
+        field_exponents, grid_ridges, grid_smoothed, long_run, spectra_convergence,
+    };
     #[pymodule_export]
     use crate::ftla::following::Following;
     #[pymodule_export]

@@ -195,6 +195,7 @@ impl Placement {
         max_time: Option<&Bound<'_, PyAny>>,
         max_evaluations: Option<&Bound<'_, PyAny>>,
     ) -> Result<PlacementResult, Error> {
+        flow.system.get().expect_autonomous()?;
         let p = flow.point("p", p)?;
         let (direction, limits) = (direction_of(direction)?, limits_of(max_time, max_evaluations)?);
         flow.attend(py, |flow| {

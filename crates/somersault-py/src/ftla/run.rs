@@ -71,6 +71,27 @@ pub(crate) fn attend<T: Send>(
     })
 }
 
+/// As [`attend`], for work that gives what it has where it ends early, with what was raised. `stop` is called before systems lose
+/// their values.
+pub(crate) fn attend_with_rest<T: Send>(
+    py: Python<'_>,
+    stop: impl FnOnce() + Send,
+    work: impl FnOnce(&Arc<Run>) -> Result<T, Error> + Send,
+) -> Result<(T, Option<PyErr>), Error> {
+    let run = Arc::new(Run::default());
+    let stopping = Arc::clone(&run);
+    let stopped = move |raised| {
+        stop();
+        stopping.stop(raised);
+    };
+    let result = waiting::attend(py, stopped, || work(&run))?;
+    let raised = run.cancellation.raised().map(|error| error.clone_ref(py));
+    match (result, raised) {
+        (Err(_), Some(error)) => Err(Error::Raised(error)),
+        (result, raised) => Ok((result?, raised)),
+    }
+}
+
 /// The exception of a callable as the cause of one that names it; what is no `Exception` ends the program as it is.
 pub(crate) fn caused(py: Python<'_>, name: &str, error: PyErr) -> PyErr {
     if !error.is_instance_of::<PyException>(py) {

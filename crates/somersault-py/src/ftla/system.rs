@@ -9,11 +9,13 @@ use crate::core::callable::check_callable;
 use crate::core::error::Error;
 use crate::core::rows::Rows;
 use crate::core::value::{brief, value};
+use crate::expr::CompiledFunction;
 use crate::multibody::model::Model;
 use pyo3::prelude::*;
+use somersault::ftla::nalgebra::DMatrix;
 use somersault::ftla::system::{
     ArmMinimumTorque, CubicRegulator, HamiltonianSystem, LinearRegulator, OptimalControlSystem, StateCostate,
-    SystemError, TreeMinimumTorque, VectorField,
+    SystemError, TracedField, TreeMinimumTorque, VectorField,
 };
 use std::sync::Arc;
 
@@ -76,6 +78,13 @@ pub(super) enum Origin {
     LinearRegulator,
     CubicRegulator,
     Tree(GivenTree),
+    Traced(Traced),
+}
+
+/// A traced field, and the call that makes the system again.
+pub(super) struct Traced {
+    pub(super) field: Arc<TracedField>,
+    pub(super) origin: [Py<PyAny>; 2],
 }
 
 /// What the system of a tree is made from.
@@ -101,7 +110,8 @@ impl System {
             | Origin::Problem(_)
             | Origin::Arm(_)
             | Origin::LinearRegulator
-            | Origin::CubicRegulator => None,
+            | Origin::CubicRegulator
+            | Origin::Traced(_) => None,
         }
     }
 
@@ -114,8 +124,19 @@ impl System {
         Self { dimension, n_controls, description, origin }
     }
 
+    /// Fails where the field depends on time.
+    pub(super) fn expect_autonomous(&self) -> Result<(), Error> {
+        match &self.origin {
+            Origin::Traced(traced) if !traced.field.is_autonomous() => {
+                Err(Error::input("`system` must not depend on time, found a field of t"))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// Number of states, where there are as many costates.
     pub(super) fn n_states(&self) -> Result<usize, Error> {
+        self.expect_autonomous()?;
         if self.dimension.is_multiple_of(2) {
             Ok(self.dimension / 2)
         } else {
@@ -137,6 +158,7 @@ impl System {
             Origin::LinearRegulator => Source::Compiled(Arc::new(LinearRegulator)),
             Origin::CubicRegulator => Source::Compiled(Arc::new(CubicRegulator)),
             Origin::Tree(given) => Source::Compiled(Arc::clone(&given.system) as _),
+            Origin::Traced(traced) => Source::Traced(Arc::clone(&traced.field)),
         };
         Ok(source.watched(run))
     }
@@ -146,11 +168,15 @@ impl System {
         py: Python<'py>,
         quantity: Quantity,
         p: &Bound<'py, PyAny>,
+        t: f64,
     ) -> Result<Bound<'py, PyAny>, Error> {
         let n = self.dimension;
+        if !t.is_finite() {
+            return Err(Error::input(format!("`t` must be finite, found {t}")));
+        }
         let rows = Rows::extract("p", &[n], p)?;
         let points = rows.all()?;
-        let values = attend(py, |run| values(self, run, quantity, points))?;
+        let values = attend(py, |run| values(self, run, quantity, (points, t)))?;
         let inner: &[usize] = match quantity {
             Quantity::Field => &[n],
             Quantity::Jacobian => &[n, n],
@@ -189,16 +215,28 @@ impl Quantity {
 }
 
 /// A quantity at each of the points, one after the other.
-fn values(system: &System, run: &Arc<Run>, quantity: Quantity, points: &[f64]) -> Result<Vec<f64>, Error> {
+fn values(
+    system: &System,
+    run: &Arc<Run>,
+    quantity: Quantity,
+    (points, t): (&[f64], f64),
+) -> Result<Vec<f64>, Error> {
     let (watched, n) = (system.watched(run)?, system.dimension);
+    let (mut h, mut d) = (vec![0.0; n], DMatrix::zeros(n, n));
     let mut values = Vec::new();
     for p in points.chunks_exact(n) {
         if run.is_stopped() {
             break;
         }
         match quantity {
-            Quantity::Field => values.extend_from_slice(watched.field(p).as_slice()),
-            Quantity::Jacobian => values.extend(by_rows(&watched.jacobian(p))),
+            Quantity::Field => {
+                watched.field_at(t, &watched.piece(p), p, &mut h);
+                values.extend_from_slice(&h);
+            }
+            Quantity::Jacobian => {
+                watched.linearize_at(t, &watched.piece(p), p, &mut h, &mut d);
+                values.extend(by_rows(&d));
+            }
             Quantity::Hamiltonian => values.push(watched.hamiltonian(p)),
             Quantity::RunningCost => values.push(watched.running_cost(p)),
             Quantity::Control => {
@@ -225,7 +263,11 @@ value! {
         model: Result<Option<Py<Model>>, Error> = |own, py| match &own.origin {
             Origin::Tree(given) => Ok(Some(given.model.clone_ref(py))),
             Origin::Arm(arm) => Ok(Some(Py::new(py, Model::of(arm.arm().model()?))?)),
-            Origin::Callables(_) | Origin::Problem(_) | Origin::LinearRegulator | Origin::CubicRegulator => Ok(None),
+            Origin::Callables(_)
+            | Origin::Problem(_)
+            | Origin::LinearRegulator
+            | Origin::CubicRegulator
+            | Origin::Traced(_) => Ok(None),
         };
     }
 }
@@ -270,11 +312,25 @@ impl System {
         Ok(Self { dimension, n_controls, description, origin: Origin::Callables(callables) })
     }
 
+    /// A traced field: a function of the blocks `x` and `t`, what it is in words, and the call that makes the system again.
+    #[staticmethod]
+    fn _of_traced(
+        function: &Bound<'_, CompiledFunction>,
+        description: String,
+        origin: [Py<PyAny>; 2],
+    ) -> Result<Self, Error> {
+        let field = Arc::new(TracedField::try_new(&function.get().function)?);
+        let dimension = expect_dimension("states", field.dimension())?;
+        Ok(Self { dimension, n_controls: 0, description, origin: Origin::Traced(Traced { field, origin }) })
+    }
+
     /// h(p) = dp/dt.
     ///
     /// Parameters
     /// ----------
     /// p : array_like, shape (dimension,) or (m, dimension)
+    /// t : float, optional
+    ///     Time, for a field that depends on it.
     ///
     /// Returns
     /// -------
@@ -285,8 +341,9 @@ impl System {
     /// >>> from somersault import ftla
     /// >>> ftla.linear_regulator().field([1.0, 0.5])
     /// array([-1.5, -0.5])
-    fn field<'py>(&self, py: Python<'py>, p: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
-        self.evaluate(py, Quantity::Field, p)
+    #[pyo3(signature = (p, t=0.0))]
+    fn field<'py>(&self, py: Python<'py>, p: &Bound<'py, PyAny>, t: f64) -> Result<Bound<'py, PyAny>, Error> {
+        self.evaluate(py, Quantity::Field, p, t)
     }
 
     /// D = ∂h/∂p (thesis (8.11)).
@@ -294,6 +351,8 @@ impl System {
     /// Parameters
     /// ----------
     /// p : array_like, shape (dimension,) or (m, dimension)
+    /// t : float, optional
+    ///     Time, for a field that depends on it.
     ///
     /// Returns
     /// -------
@@ -305,8 +364,14 @@ impl System {
     /// >>> ftla.cubic_regulator().jacobian([1.0, 0.5])
     /// array([[-3., -1.],
     ///        [ 2.,  3.]])
-    fn jacobian<'py>(&self, py: Python<'py>, p: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
-        self.evaluate(py, Quantity::Jacobian, p)
+    #[pyo3(signature = (p, t=0.0))]
+    fn jacobian<'py>(
+        &self,
+        py: Python<'py>,
+        p: &Bound<'py, PyAny>,
+        t: f64,
+    ) -> Result<Bound<'py, PyAny>, Error> {
+        self.evaluate(py, Quantity::Jacobian, p, t)
     }
 
     /// The Hamiltonian at the optimal control, constant along motions.
@@ -325,7 +390,7 @@ impl System {
     /// >>> ftla.linear_regulator().hamiltonian([[1.0, 0.5], [0.0, 0.0]])
     /// array([-0.125,  0.   ])
     fn hamiltonian<'py>(&self, py: Python<'py>, p: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
-        self.evaluate(py, Quantity::Hamiltonian, p)
+        self.evaluate(py, Quantity::Hamiltonian, p, 0.0)
     }
 
     /// The optimal control u*(p).
@@ -344,7 +409,7 @@ impl System {
     /// >>> ftla.linear_regulator().control([1.0, 0.5])
     /// array([-0.5])
     fn control<'py>(&self, py: Python<'py>, p: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
-        self.evaluate(py, Quantity::Control, p)
+        self.evaluate(py, Quantity::Control, p, 0.0)
     }
 
     /// The running cost at the optimal control.
@@ -363,7 +428,7 @@ impl System {
     /// >>> ftla.linear_regulator().running_cost([1.0, 0.5])
     /// 0.625
     fn running_cost<'py>(&self, py: Python<'py>, p: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
-        self.evaluate(py, Quantity::RunningCost, p)
+        self.evaluate(py, Quantity::RunningCost, p, 0.0)
     }
 
     fn __repr__(&self) -> String {

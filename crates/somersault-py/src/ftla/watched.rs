@@ -7,7 +7,9 @@ use crate::core::error::Error;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use somersault::ftla::nalgebra::DMatrix;
-use somersault::ftla::system::{HamiltonianSystem, OptimalControlSystem, Piece, SystemError, VectorField};
+use somersault::ftla::system::{
+    HamiltonianSystem, OptimalControlSystem, Piece, SystemError, TracedField, VectorField,
+};
 use std::sync::Arc;
 
 /// A compiled system, as many runs share it.
@@ -29,6 +31,7 @@ pub(crate) struct Callables {
 pub(crate) enum Source {
     Compiled(Compiled),
     Callables(Arc<Callables>),
+    Traced(Arc<TracedField>),
 }
 
 /// A system in one run. Stopped, it has no values, so that whatever integrates it comes to an end.
@@ -106,6 +109,7 @@ impl VectorField for Watched {
         match &self.source {
             Source::Compiled(system) => system.dimension(),
             Source::Callables(own) => own.dimension,
+            Source::Traced(field) => field.dimension(),
         }
     }
 
@@ -114,6 +118,7 @@ impl VectorField for Watched {
         match &self.source {
             _ if self.run.is_stopped() => h.fill(f64::NAN),
             Source::Compiled(system) => system.field_into(p, h),
+            Source::Traced(field) => field.field_into(p, h),
             Source::Callables(own) => match self.call("field", &own.field, p, &[p.len()]) {
                 Some(found) => h.copy_from_slice(&found),
                 None => h.fill(f64::NAN),
@@ -125,6 +130,7 @@ impl VectorField for Watched {
         let n = p.len();
         match &self.source {
             Source::Compiled(system) => system.jacobian_into(p, d),
+            Source::Traced(field) => field.jacobian_into(p, d),
             Source::Callables(own) => {
                 let Some(rows) = self.call("jacobian", &own.jacobian, p, &[n, n]) else {
                     return d.fill(f64::NAN);
@@ -144,7 +150,8 @@ impl VectorField for Watched {
     fn linearize_into(&self, p: &[f64], h: &mut [f64], d: &mut DMatrix<f64>) {
         match &self.source {
             Source::Compiled(system) if !self.run.is_stopped() => system.linearize_into(p, h, d),
-            Source::Compiled(_) | Source::Callables(_) => {
+            Source::Traced(field) if !self.run.is_stopped() => field.linearize_into(p, h, d),
+            Source::Compiled(_) | Source::Callables(_) | Source::Traced(_) => {
                 self.field_into(p, h);
                 self.jacobian_into(p, d);
             }
@@ -155,48 +162,87 @@ impl VectorField for Watched {
     fn n_switches(&self) -> usize {
         match &self.source {
             Source::Compiled(system) => system.n_switches(),
-            Source::Callables(_) => 0,
+            Source::Callables(_) | Source::Traced(_) => 0,
         }
     }
 
     fn piece(&self, p: &[f64]) -> Piece {
         match &self.source {
             Source::Compiled(system) => system.piece(p),
-            Source::Callables(_) => Piece::FREE,
+            Source::Callables(_) | Source::Traced(_) => Piece::FREE,
         }
     }
 
     fn field_in(&self, piece: &Piece, p: &[f64], h: &mut [f64]) {
         match &self.source {
             Source::Compiled(system) if !self.run.is_stopped() => system.field_in(piece, p, h),
-            Source::Compiled(_) | Source::Callables(_) => self.field_into(p, h),
+            Source::Compiled(_) | Source::Callables(_) | Source::Traced(_) => self.field_into(p, h),
         }
     }
 
     fn linearize_in(&self, piece: &Piece, p: &[f64], h: &mut [f64], d: &mut DMatrix<f64>) {
         match &self.source {
             Source::Compiled(system) if !self.run.is_stopped() => system.linearize_in(piece, p, h, d),
-            Source::Compiled(_) | Source::Callables(_) => self.linearize_into(p, h, d),
+            Source::Compiled(_) | Source::Callables(_) | Source::Traced(_) => self.linearize_into(p, h, d),
+        }
+    }
+
+    #[inline]
+    fn field_at(&self, t: f64, piece: &Piece, p: &[f64], h: &mut [f64]) {
+        match &self.source {
+            Source::Traced(field) if !self.run.is_stopped() => field.field_at(t, piece, p, h),
+            Source::Compiled(_) | Source::Callables(_) | Source::Traced(_) => self.field_in(piece, p, h),
+        }
+    }
+
+    fn linearize_at(&self, t: f64, piece: &Piece, p: &[f64], h: &mut [f64], d: &mut DMatrix<f64>) {
+        match &self.source {
+            Source::Traced(field) if !self.run.is_stopped() => field.linearize_at(t, piece, p, h, d),
+            Source::Compiled(_) | Source::Callables(_) | Source::Traced(_) => {
+                self.linearize_in(piece, p, h, d)
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn variation_at(
+        &self,
+        t: f64,
+        piece: &Piece,
+        p: &[f64],
+        h: &mut [f64],
+        d: &mut DMatrix<f64>,
+        variation: (&[f64], &mut [f64]),
+        multiply_add: impl Fn(f64, f64, f64) -> f64,
+    ) {
+        match &self.source {
+            Source::Traced(field) if !self.run.is_stopped() => {
+                field.variation_at(t, piece, p, h, d, variation, multiply_add);
+            }
+            Source::Compiled(_) | Source::Callables(_) | Source::Traced(_) => {
+                self.variation_in(piece, p, h, d, variation, multiply_add);
+            }
         }
     }
 
     fn margins_into(&self, piece: &Piece, p: &[f64], margins: &mut [f64]) {
         match &self.source {
             Source::Compiled(system) => system.margins_into(piece, p, margins),
-            Source::Callables(_) => margins.fill(f64::INFINITY),
+            Source::Callables(_) | Source::Traced(_) => margins.fill(f64::INFINITY),
         }
     }
 
     fn next_piece(&self, piece: &Piece, p: &[f64]) -> Piece {
         match &self.source {
             Source::Compiled(system) => system.next_piece(piece, p),
-            Source::Callables(_) => piece.clone(),
+            Source::Callables(_) | Source::Traced(_) => piece.clone(),
         }
     }
 
     fn conserved(&self, p: &[f64]) -> Option<f64> {
         match &self.source {
             Source::Compiled(system) => system.conserved(p),
+            Source::Traced(_) => None,
             Source::Callables(own) => {
                 let hamiltonian = own.hamiltonian.as_ref()?;
                 Some(self.call("hamiltonian", hamiltonian, p, &[]).map_or(f64::NAN, |numbers| numbers[0]))
@@ -207,7 +253,7 @@ impl VectorField for Watched {
     fn fault(&self, p: &[f64]) -> Option<SystemError> {
         match &self.source {
             Source::Compiled(system) => system.fault(p),
-            Source::Callables(_) => {
+            Source::Callables(_) | Source::Traced(_) => {
                 let quantity = if !self.field(p).sum().is_finite() {
                     "field"
                 } else if !self.jacobian(p).sum().is_finite() {
@@ -225,6 +271,7 @@ impl HamiltonianSystem for Watched {
     fn hamiltonian(&self, p: &[f64]) -> f64 {
         match &self.source {
             Source::Compiled(system) => system.hamiltonian(p),
+            Source::Traced(_) => self.number("hamiltonian", None, p),
             Source::Callables(own) => self.number("hamiltonian", own.hamiltonian.as_ref(), p),
         }
     }
@@ -235,12 +282,17 @@ impl OptimalControlSystem for Watched {
         match &self.source {
             Source::Compiled(system) => system.n_controls(),
             Source::Callables(own) => own.n_controls,
+            Source::Traced(_) => 0,
         }
     }
 
     fn control_into(&self, p: &[f64], u: &mut [f64]) -> Result<(), SystemError> {
         match &self.source {
             Source::Compiled(system) => system.control_into(p, u),
+            Source::Traced(_) => {
+                self.number("control", None, p);
+                Err(SystemError::NoValue { quantity: "control" })
+            }
             Source::Callables(own) => {
                 let found = match &own.control {
                     Some(control) => self.call("control", control, p, &[own.n_controls]),
@@ -265,6 +317,7 @@ impl OptimalControlSystem for Watched {
     fn running_cost(&self, p: &[f64]) -> f64 {
         match &self.source {
             Source::Compiled(system) => system.running_cost(p),
+            Source::Traced(_) => self.number("running_cost", None, p),
             Source::Callables(own) => self.number("running_cost", own.running_cost.as_ref(), p),
         }
     }
@@ -272,7 +325,7 @@ impl OptimalControlSystem for Watched {
     fn running_cost_in(&self, piece: &Piece, p: &[f64]) -> f64 {
         match &self.source {
             Source::Compiled(system) => system.running_cost_in(piece, p),
-            Source::Callables(_) => self.running_cost(p),
+            Source::Callables(_) | Source::Traced(_) => self.running_cost(p),
         }
     }
 }
