@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections import namedtuple
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any, Literal, TypeAlias, TypeVar
 
 import numpy as np
@@ -102,19 +102,15 @@ def vector_field(
     return System._of_traced(compiled, f"vector field of {', '.join(names)}", (vector_field, again))
 
 
-def _parameters(parameters: Any) -> Any:
+def _parameters(parameters: Any) -> SimpleNamespace:
     """Values with names."""
     if parameters is None:
-        return ()
+        return SimpleNamespace()
     if not isinstance(parameters, Mapping):
         found = _article(type(parameters).__name__)
         raise InputError(f"`parameters` must be values by name, found {found}")
     names = _names("parameters", list(parameters), "p")
-    if hidden := [name for name in names if name.startswith("_")]:
-        raise InputError(f"`parameters` must have names without an underscore in front, found {hidden[0]!r}")
-    values = [_number(f"parameters[{name!r}]", parameters[name]) for name in names]
-    kind: Any = namedtuple("Parameters", names)
-    return kind(*values)
+    return SimpleNamespace(**{name: _number(f"parameters[{name!r}]", parameters[name]) for name in names})
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -40,9 +40,9 @@ CALLS: list[tuple[Callable[..., Any], dict[str, Any]]] = [
     (ftla.tree, {"model": multibody.two_link_arm(), "weights": 1.0, "torque_limits": 3.0, "passive": [0]}),
     (ftla.state_costate, {"dynamics": lambda x, u: u, "running_cost": lambda x, u: 0.0, "n_states": 2, "n_controls": 2, "jacobian": rates, "gradient": rates, "hessian": rates, "control_bounds": [[-1.0, -1.0], [1.0, 1.0]]}),
     (ftla.System, {"field": free, "jacobian": rates, "dimension": 2, "n_controls": 1}),
-    (ftla.VariationalFlow, {"system": FLOW.system, "rtol": 1e-9, "atol": 1e-12, "max_steps": 1000}),
-    (FLOW.system.field, {"p": [1.0, 0.4]}),
-    (FLOW.system.jacobian, {"p": [1.0, 0.4]}),
+    (ftla.VariationalFlow, {"system": FLOW.system, "rtol": 1e-9, "atol": 1e-12, "max_steps": 1000, "start": 0.0}),
+    (FLOW.system.field, {"p": [1.0, 0.4], "t": 0.0}),
+    (FLOW.system.jacobian, {"p": [1.0, 0.4], "t": 0.0}),
     (FLOW.system.hamiltonian, {"p": [1.0, 0.4]}),
     (FLOW.system.control, {"p": [1.0, 0.4]}),
     (FLOW.system.running_cost, {"p": [1.0, 0.4]}),
@@ -55,6 +55,11 @@ CALLS: list[tuple[Callable[..., Any], dict[str, Any]]] = [
     (FLOW.spectra, {"p": [1.0, 0.4], "times": [1.0, 2.0], "direction": "forward"}),
     (FLOW.spectrum, {"p": [1.0, 0.4], "time": 1.0, "direction": "backward"}),
     (ftla.diagnose, {"spectra": SPECTRA, "horizon": 40.0}),
+    (ftla.vector_field, {"dynamics": lambda x: -x, "states": ("x",), "parameters": {"a": 1.0}}),
+    (ftla.lyapunov_spectrum, {"flow": FLOW, "p": [0.0, 0.0], "duration": 2.0, "transient": 0.1, "samples": 40, "tolerance": 0.1, "max_time": 1.0, "max_evaluations": 1000}),
+    (ftla.ftle_field, {"flow": FLOW, "points": [[0.0, 0.0]], "duration": 2.0, "domain": [(-1.0, 1.0), None], "max_time": 1.0, "max_evaluations": 1000}),
+    (ftla.ftle_field(FLOW, np.stack(np.meshgrid(np.arange(5.0), np.arange(4.0)), axis=-1), 1.0).ridges, {"smoothing": 1.0, "min_height": 0.0, "min_curvature": 0.0, "min_length": 1.0}),
+    (ftla.exponent_convergence, {"spectra": SPECTRA, "tolerance": 0.1}),
     (ftla.Subspace, {"vectors": [[1.0, 0.0]]}),
     (PLANE.angle_to, {"v": [1.0, 0.0, 1.0, 0.0]}),
     (PLANE.angles, {"other": PLANE}),
@@ -89,8 +94,8 @@ def test_no_public_callable_is_left_out() -> None:
     public = {name for name in ftla.__all__ if callable(getattr(ftla, name))}
     # results, which nobody makes, and what takes no argument
     made = {
-        "ArmExtremal", "Chain", "ContinuationResult", "Diagnosis", "Extremal", "Following", "MatchingResult", "PlacementResult", "Spectrum",
-        "Transition", "cubic_regulator", "linear_regulator",
+        "ArmExtremal", "Chain", "ContinuationResult", "Diagnosis", "ExponentConvergence", "Extremal", "Following", "FtleField", "LyapunovSpectrum",
+        "MatchingResult", "PlacementResult", "Ridge", "Spectrum", "Transition", "cubic_regulator", "linear_regulator",
     }  # fmt: skip
     assert {name for name in public - made if getattr(ftla, name) not in here} == set()
 

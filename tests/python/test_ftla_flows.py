@@ -89,7 +89,7 @@ class TestVectorField:
             ((3, ("x",)), "must be a function of"),
             ((square, ("x",), [1.0]), "must be values by name"),
             ((square, ("x",), {"a": "b"}), "must be real numbers"),
-            ((square, ("x",), {"_a": 1.0}), "without an underscore"),
+            ((square, ("x",), {"a b": 1.0}), "names as those of variables"),
             ((square, ("x",), {"a": np.nan}), "must be finite"),
             ((lambda x: (np.nan,), ("x",)), "finite values, found nan"),
             ((lambda x: (1.0 if x.x > 0 else 0.0,), ("x",)), "neither true nor false"),

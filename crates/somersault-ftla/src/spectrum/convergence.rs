@@ -67,9 +67,13 @@ impl fmt::Display for ExponentConvergence {
     }
 }
 
+/// A power of time from which the growth of a motion without rates is not neutral.
+const HIDDEN_POWER: f64 = 0.5;
+
 impl ExponentConvergence {
     /// Of exponents with laws and errors: the latter may be `tolerance` times the largest rate, or times `scale` where there is no
-    /// rate. A power of time counts as an exponent of zero, known to as much as it is from zero.
+    /// rate. A power of time counts as an exponent of zero, known to as much as it is from zero; where there is no rate beside it,
+    /// nothing has converged, though it be hidden in oscillations.
     pub fn of(growths: &[Growth], errors: &[f64], tolerance: f64, scale: Option<f64>) -> Self {
         let numbered = || (1..).zip(growths);
         for (number, growth) in numbered() {
@@ -80,7 +84,8 @@ impl ExponentConvergence {
         let rates = growths.iter().filter(|growth| growth.law == Law::Exponential);
         let largest = rates.map(|growth| growth.rate.abs()).reduce(f64::max);
         if largest.is_none()
-            && let Some((number, growth)) = numbered().find(|(_, growth)| growth.law == Law::Power)
+            && let Some((number, growth)) =
+                numbered().find(|(_, growth)| growth.law == Law::Power || growth.power.abs() >= HIDDEN_POWER)
         {
             return Self::Power { number, power: growth.power };
         }

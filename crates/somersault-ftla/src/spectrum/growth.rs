@@ -60,7 +60,7 @@ pub struct Growth {
     pub law: Law,
     /// Mean rate over the last three quarters of the time, 1/s.
     pub rate: f64,
-    /// Standard error of the rate, 1/s; where the law is a power or not known, how far the rate may be from its limit as well.
+    /// Standard error of the rate, 1/s; where the law is not exponential, how far the rate may be from its limit as well.
     pub error: f64,
     /// m of the power tᵐ that fits best there.
     pub power: f64,
@@ -104,11 +104,11 @@ impl Growth {
         let (law, error) = if is_power {
             (Law::Power, standard.max(rate.abs()))
         } else if gain.abs() <= NOTHING && trend.abs() * (end - start) <= NOTHING {
-            (Law::Neutral, standard.max(floor))
+            (Law::Neutral, standard.max(rate.abs()).max(floor))
         } else if trends {
             (Law::Unknown(Unsettled::Trend), standard.max(trend.abs()))
         } else if rate.abs() <= SIGNIFICANT * standard {
-            (Law::Neutral, standard.max(rate.abs() / SIGNIFICANT))
+            (Law::Neutral, standard.max(rate.abs()))
         } else if gain.abs() < ENOUGH {
             (Law::Unknown(Unsettled::Slow), standard.max(rate.abs()))
         } else {

@@ -122,6 +122,12 @@ fn growth_like_a_power_is_never_called_a_rate() {
         found.convergence
     );
     assert!(found.convergence.to_string().contains("T^1.00"), "{}", found.convergence);
+    // so does the phase of a pendulum, with oscillations on top
+    let system = pendulum();
+    for duration in [500.0, 2000.0, 5000.0] {
+        let found = LongRun::new(duration).spectrum(&flow(&system), &dvector![2.0, 0.0]).expect("bounded");
+        assert!(!found.is_converged() && found.exponents[0] <= found.errors[0] * 1.5, "{duration} {found:?}");
+    }
     // x = (2t + 1)^(−1/2): δx falls like t^(−3/2)
     let system = traced(1, |x, _| vec![-(x[0] * x[0] * x[0])]);
     let found = run.spectrum(&flow(&system), &dvector![1.0]).expect("bounded");
