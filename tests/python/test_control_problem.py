@@ -526,7 +526,7 @@ def test_arcs_are_found_on_meshes_of_20_to_160_intervals(name: str) -> None:
     known = KNOWN[name]
     problem = known.pose()
     for n_intervals in (20, 40, 80, 160):
-        exact = problem.polish(problem.solve(n_intervals=n_intervals, max_meshes=1))
+        exact = problem.polish(problem.solve(n_intervals=n_intervals, max_meshes=1, max_time=10.0))
         if exact.success:
             assert exact.residual < 1e-10
             assert exact.cost == pytest.approx(known.cost, rel=1e-9, abs=1e-9)
