@@ -472,7 +472,7 @@ KNOWN: dict[str, Known] = {
         for duration, cost, options in (
             (2, 29.4465826522771, {}),
             (3, 18.7162091540930, {}),
-            (5, 4.83772225064880, {"n_intervals": 60}),
+            (5, 4.83772225064880, {"n_intervals": 80}),
         )
     },
     **{
@@ -481,10 +481,15 @@ KNOWN: dict[str, Known] = {
             cost,
             _SHOOTING,
             f"three rods; 0 → (π, π, π) in {duration} s, rest to rest; ½∫|u|²",
+            options=options,
             is_long=True,
             is_only=False,
         )
-        for duration, cost in ((2, 122.507316386), (3, 32.9065689588030), (5, 11.1076467991410))
+        for duration, cost, options in (
+            (2, 122.507316386, {}),
+            (3, 32.9065689588030, {"n_points": 4}),
+            (5, 11.1076467991410, {}),
+        )
     },
     "acrobot": Known(
         _acrobot,
