@@ -11,8 +11,10 @@ from typing import Any, Literal, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from somersault._control_arguments import _article, _called, _flat, _names, _number, _trace
+from somersault import expr
+from somersault._control_arguments import _article, _called, _flat, _names, _number
 from somersault._somersault import ftla as _extension
+from somersault._somersault.expr import CompiledFunction
 from somersault._somersault.ftla import Spectrum, System, VariationalFlow
 from somersault.errors import InputError
 
@@ -97,7 +99,8 @@ def vector_field(
             raise InputError(f"`dynamics` must give {len(names)} rates, found {len(found)}")
         return found
 
-    compiled = _trace(rates, {"x": tuple(names), "t": ()})
+    graph, blocks, numbers, _, _ = expr._recorded(rates, {"x": tuple(names), "t": ()})
+    compiled = CompiledFunction(graph, blocks, numbers)
     again = (dynamics, tuple(names), None if parameters is None else dict(parameters))
     return System._of_traced(compiled, f"vector field of {', '.join(names)}", (vector_field, again))
 

@@ -8,7 +8,7 @@ use somersault_multibody::{Joint, Link, MassProperties, ModelBuilder};
 use somersault_nlp::{EvaluationError, Flow, Sqp, Status};
 use somersault_ocp::collocation::{
     Collocation, CollocationError, CollocationStatus, Dynamics, End, Entry, Guess, Interval, Linkage, Mesh,
-    Phase, Place, Point, Problem, Quantity, Terms, Transcription, TreeDynamics, VectorFunction,
+    Phase, Place, Point, Problem, Quantity, SearchError, Terms, Transcription, TreeDynamics, VectorFunction,
 };
 
 /// ẋ = u, cost ∫ u² dt.
@@ -188,7 +188,7 @@ fn errors_of_the_user_come_out() {
         let failed =
             Collocation::default().solve(&mut problem, &[mesh()], &mut |_| Flow::Continue).unwrap_err();
         assert!(failed.to_string().contains("the user's own words"), "{failed}");
-        let CollocationError::Failed { report, .. } = failed else { panic!("{failed:?}") };
+        let SearchError::Failed { report, .. } = failed else { panic!("{failed:?}") };
         assert_eq!(report.status, CollocationStatus::NotSolved(Status::Failed));
         assert!(report.phases[0].states.iter().flatten().all(|x| x.is_finite()));
     }
@@ -201,6 +201,7 @@ fn a_guess_without_a_value_is_an_error_that_says_so() {
         Phase::with_derivatives(Box::new(Failing { left: 0, error }), 1, 0, Line).initial_state([0.0]);
     let mut problem = Problem::try_new(phase).unwrap();
     let failed = Collocation::default().solve(&mut problem, &[mesh()], &mut |_| Flow::Continue).unwrap_err();
+    let SearchError::Collocation(failed) = failed else { panic!("{failed:?}") };
     assert!(matches!(failed, CollocationError::Evaluation(EvaluationError::Undefined { .. })), "{failed:?}");
 }
 

@@ -6,7 +6,7 @@ use somersault_expr::{Block, ExprFunction};
 use somersault_nlp::{EvaluationError, Flow, Status};
 use somersault_ocp::collocation::{
     Collocation, CollocationError, CollocationReport, CollocationStatus, ComposedFunction, ExternalFunction,
-    Labels, Mesh, Phase, Problem, TracedFunction, VectorFunction,
+    Labels, Mesh, Phase, Problem, SearchError, TracedFunction, VectorFunction,
 };
 
 fn labels(function: &str, outputs: &[&str], arguments: &[&str]) -> Labels {
@@ -162,7 +162,9 @@ fn derivatives_that_were_brought_are_compared_before_the_search() {
     let collocation = Collocation::default();
     let found =
         collocation.solve(&mut problem, &[Mesh::try_uniform(10, 3).unwrap()], &mut |_| Flow::Continue);
-    let Err(CollocationError::WrongDerivative(wrong)) = found else { panic!("{found:?}") };
+    let Err(SearchError::Collocation(CollocationError::WrongDerivative(wrong))) = found else {
+        panic!("{found:?}")
+    };
     assert_eq!((wrong.function.as_str(), wrong.entry.as_str()), ("block", "∂(rate of v)/∂(t)"));
 }
 

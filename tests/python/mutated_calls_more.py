@@ -391,6 +391,19 @@ travel_arm(ftla.arm(), (0.0, 0.1), (0.3, 0.2), 1.0, 0.1, tol=1e-8, max_iteration
 ftla.arm_extremals((0.0, 0.1, 0.0, 0.0), (0.3, 0.2, 0.0, 0.0), 1.0, folds=[np.pi], turns=[0])
 ftla.follow(lambda s: (linear, [1.0 + s], [1.0], 3.0), optimum, tol=1e-9, first_step=0.5)
 
+# Flows
+pendulum_flow = ftla.VariationalFlow(ftla.vector_field(lambda x: (x.v, -np.sin(x.q)), ("q", "v")), rtol=1e-6)
+analysis = somersault._somersault.ftla
+analysis.long_run(pendulum_flow, [1.0, 0.0], 5.0, 0.2, 40, 1e-2, max_time=1.0, max_evaluations=10_000)
+plane = np.stack(np.meshgrid([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]), axis=-1).reshape(-1, 2)
+analysis.field_exponents(
+    pendulum_flow, plane, 1.0, [(-3.0, 3.0), (-3.0, 3.0)], max_time=1.0, max_evaluations=10_000
+)
+heights = -np.add.outer(np.linspace(-1, 1, 5) ** 2, np.zeros(6))
+analysis.grid_smoothed(heights, 0.5)
+analysis.grid_ridges(heights, (0.0, 0.0), (0.1, 0.1), -1.0, 0.0, 0.0)
+analysis.spectra_convergence(spectra, 0.1)
+
 # Recorded motions
 stamps = np.linspace(0.0, 1.0, 20)
 shape = np.random.default_rng(0).normal(size=(20, 4, 3))

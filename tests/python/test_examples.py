@@ -14,7 +14,16 @@ import pytest
 from matplotlib import pyplot as plt
 
 #: Made by what a user calls, and shown in its example: nobody calls these classes.
-RESULTS = ("ArmExtremal", "Failure", "MinimizeResult", "Sweep")
+RESULTS = (
+    "ArmExtremal",
+    "ExponentConvergence",
+    "Failure",
+    "FtleField",
+    "LyapunovSpectrum",
+    "MinimizeResult",
+    "Ridge",
+    "Sweep",
+)
 #: The program, whose examples are the commands on the pages of the book; `test_book` runs them.
 PROGRAMS = ("somersault.cli.main",)
 #: What is drawn by a browser, which may not be installed; `test_viewer_browser` does it.

@@ -95,6 +95,8 @@ def exponent_history(found: ftla.LyapunovSpectrum, ax: Axes | None = None) -> Ax
     >>> len(ax.lines)
     3
     """
+    if not isinstance(found, ftla.LyapunovSpectrum):
+        raise TypeError(f"`found` must be a LyapunovSpectrum, found {type(found).__name__}")
     ax = ax or plt.figure(figsize=(5.0, 3.6), layout="constrained").add_subplot()
     ax.axhline(0.0, color="0.8", lw=0.8, zorder=0)
     for curve, exponent, error in zip(found.history.T, found.exponents, found.errors, strict=True):
@@ -143,6 +145,10 @@ def exponent_map(
     >>> ax.get_xlabel()
     'angle'
     """
+    if not isinstance(field, ftla.FtleField):
+        raise TypeError(f"`field` must be an FtleField, found {type(field).__name__}")
+    if not all(isinstance(ridge, ftla.Ridge) for ridge in ridges):
+        raise TypeError("`ridges` must be Ridges, as `FtleField.ridges` finds them")
     varying = [k for k in range(field.points.shape[-1]) if np.ptp(field.points[..., k]) > 0.0]
     if field.points.ndim != 3 or len(varying) != 2:
         raise errors.InputError(

@@ -1,12 +1,10 @@
 //! What can be wrong with a problem or a mesh.
 
 use super::interval::Interval;
-use super::solve::CollocationReport;
 use crate::WrongDerivative;
 use somersault_core::argument::ArgumentError;
 use somersault_expr::ExprError;
 use somersault_nlp::{EvaluationError, NoDerivative, SolverError};
-use std::error::Error;
 use std::fmt;
 
 /// An entry of a state or of the controls, and what that is where it has a name.
@@ -171,14 +169,6 @@ pub enum CollocationError {
     /// A derivative that a user wrote is not that of its function.
     #[error("{0}")]
     WrongDerivative(WrongDerivative),
-    /// A function of the user failed; the search ended there.
-    #[error("a function of the user failed: {source}")]
-    Failed {
-        /// What it said.
-        source: Box<dyn Error + Send + Sync>,
-        /// The best iterate until then, neither judged nor confirmed.
-        report: Box<CollocationReport>,
-    },
 }
 
 pub(super) fn expect_length(

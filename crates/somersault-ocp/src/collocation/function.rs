@@ -4,7 +4,7 @@
 //! numbers: exactly, in n evaluations for a Jacobian and n (n + 1)/2 for a Hessian. Derivatives that are at
 //! hand otherwise come in as a [`VectorFunction`].
 
-use super::wrong_derivative::{Labels, Whole, contradicted};
+use super::wrong_derivative::{Compared, Labels, contradicted};
 use crate::WrongDerivative;
 use nalgebra::DMatrix;
 use num_dual::{Dual64, HyperDual64};
@@ -126,6 +126,37 @@ pub trait VectorFunction: Send {
     ) -> Result<Option<WrongDerivative>, EvaluationError> {
         let mut whole = Whole { function: self, n: arguments.len() };
         contradicted(&mut whole, labels, arguments, sizes, Differences::OF_ROUNDED)
+    }
+}
+
+/// A [`VectorFunction`] with `n` arguments, all of whose derivatives are compared.
+struct Whole<'a, F: ?Sized> {
+    function: &'a mut F,
+    n: usize,
+}
+
+impl<F: VectorFunction + ?Sized> Compared for Whole<'_, F> {
+    fn values(&mut self, points: &[f64], values: &mut [f64]) -> Result<(), EvaluationError> {
+        let m = self.function.n_outputs();
+        let mut pairs = points.chunks_exact(self.n).zip(values.chunks_exact_mut(m.max(1)));
+        pairs.try_for_each(|(point, values)| self.function.evaluate(point, values))
+    }
+
+    fn jacobians(&mut self, points: &[f64], jacobians: &mut [f64]) -> Result<(), EvaluationError> {
+        let (n, m) = (self.n, self.function.n_outputs());
+        let mut matrix = DMatrix::zeros(m, n);
+        for (point, out) in points.chunks_exact(n).zip(jacobians.chunks_exact_mut((m * n).max(1))) {
+            self.function.jacobian(point, &mut matrix)?;
+            out.iter_mut().enumerate().for_each(|(k, out)| *out = matrix[(k / n, k % n)]);
+        }
+        Ok(())
+    }
+
+    fn hessian(&mut self, at: &[f64], weights: &[f64]) -> Result<Option<Vec<f64>>, EvaluationError> {
+        let mut matrix = DMatrix::zeros(self.n, self.n);
+        self.function.add_hessian(at, weights, &mut matrix)?;
+        matrix.fill_lower_triangle_with_upper_triangle();
+        Ok(Some(matrix.as_slice().to_vec()))
     }
 }
 

@@ -108,7 +108,7 @@ pub use problem::{Phase, Problem};
 pub use radau::Radau;
 pub use sensitivity::{PhaseDerivative, SolutionDerivative, SolutionSensitivity};
 pub use solution::{PhaseRows, PhaseSolution};
-pub use solve::{Collocation, CollocationReport, CollocationStatus, MeshRecord};
+pub use solve::{Collocation, CollocationReport, CollocationStatus, MeshRecord, SearchError};
 pub use stacked::Stacked;
 pub use starts::{distinct, ranked};
 pub use traced::TracedFunction;

@@ -156,6 +156,28 @@ impl CollocationReport {
     }
 }
 
+/// Why a search has no solution.
+#[derive(Debug, thiserror::Error)]
+pub enum SearchError {
+    /// Something is wrong with the problem or a mesh, or a function has no value at the start.
+    #[error(transparent)]
+    Collocation(CollocationError),
+    /// A function of the user failed; the search ended there.
+    #[error("a function of the user failed: {source}")]
+    Failed {
+        /// What it said.
+        source: Box<dyn Error + Send + Sync>,
+        /// The best iterate until then, neither judged nor confirmed.
+        report: Box<CollocationReport>,
+    },
+}
+
+impl<E: Into<CollocationError>> From<E> for SearchError {
+    fn from(error: E) -> Self {
+        Self::Collocation(error.into())
+    }
+}
+
 /// Where a search begins.
 #[derive(Clone, Copy)]
 enum Origin<'a> {
@@ -193,7 +215,7 @@ impl<S: NlpSolver> Collocation<S> {
         problem: &mut Problem,
         meshes: &[Mesh],
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
-    ) -> Result<CollocationReport, CollocationError> {
+    ) -> Result<CollocationReport, SearchError> {
         self.solve_cancellable(problem, meshes, on_iteration, &CancellationToken::new())
     }
 
@@ -206,7 +228,7 @@ impl<S: NlpSolver> Collocation<S> {
         meshes: &[Mesh],
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
         token: &CancellationToken,
-    ) -> Result<CollocationReport, CollocationError> {
+    ) -> Result<CollocationReport, SearchError> {
         self.solve_from(problem, meshes, Origin::Phases, on_iteration, token)
     }
 
@@ -218,7 +240,7 @@ impl<S: NlpSolver> Collocation<S> {
         solution: &CollocationReport,
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
         token: &CancellationToken,
-    ) -> Result<CollocationReport, CollocationError> {
+    ) -> Result<CollocationReport, SearchError> {
         let meshes: Vec<Mesh> = solution.phases.iter().map(|phase| phase.mesh().clone()).collect();
         self.solve_from(problem, &meshes, Origin::Solution(solution), on_iteration, token)
     }
@@ -230,7 +252,7 @@ impl<S: NlpSolver> Collocation<S> {
         origin: Origin<'_>,
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
         token: &CancellationToken,
-    ) -> Result<CollocationReport, CollocationError> {
+    ) -> Result<CollocationReport, SearchError> {
         self.check()?;
         match problem.expect_derivatives() {
             Err(CollocationError::Evaluation(EvaluationError::Failed(source))) => {
@@ -277,7 +299,7 @@ impl<S: NlpSolver> Collocation<S> {
         problem: &mut Problem,
         meshes: &[Mesh],
         source: Box<dyn Error + Send + Sync>,
-    ) -> Result<CollocationReport, CollocationError> {
+    ) -> Result<CollocationReport, SearchError> {
         let mut transcription = Transcription::try_new(problem, meshes)?;
         let z = transcription.decision_of_guess();
         let multipliers = vec![0.0; transcription.row_scales.len()];
@@ -316,7 +338,7 @@ impl<S: NlpSolver> Collocation<S> {
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
         token: &CancellationToken,
         left: &mut Option<usize>,
-    ) -> Result<CollocationReport, CollocationError> {
+    ) -> Result<CollocationReport, SearchError> {
         let tried_before = history.len();
         let mut meshes = meshes.to_vec();
         let mut previous: Option<(Vec<PhaseSolution>, RestMultipliers)> = None;
@@ -349,7 +371,7 @@ impl<S: NlpSolver> Collocation<S> {
                         failure = Some(source);
                         transcription.unevaluated(&program.z, &program.constraint_multipliers)
                     }
-                    (None, Err(error)) => return Err(error),
+                    (None, Err(error)) => return Err(error.into()),
                 };
             if let Some(source) = failure {
                 history.push(record);
@@ -414,7 +436,7 @@ impl<S: NlpSolver> Collocation<S> {
         program: Report,
         (runs_away, ended): (bool, Option<Status>),
         token: &CancellationToken,
-    ) -> Result<CollocationReport, CollocationError> {
+    ) -> Result<CollocationReport, SearchError> {
         let confirmation = match confirm_cancellable(problem, &phases, token) {
             Ok(confirmation) => confirmation,
             Err(error) => return ended_by(error, phases, history, program),
@@ -488,7 +510,7 @@ fn ended(
     history: Vec<MeshRecord>,
     program: Report,
     source: Box<dyn Error + Send + Sync>,
-) -> Result<CollocationReport, CollocationError> {
+) -> Result<CollocationReport, SearchError> {
     let spent = source.downcast_ref::<Exhausted>().map(|exhausted| exhausted.status());
     let report = CollocationReport {
         status: CollocationStatus::NotSolved(spent.unwrap_or(Status::Failed)),
@@ -500,11 +522,7 @@ fn ended(
         wrong_derivative: None,
         relative_errors: RelativeErrors::default(),
     };
-    if spent.is_some() {
-        Ok(report)
-    } else {
-        Err(CollocationError::Failed { source, report: Box::new(report) })
-    }
+    if spent.is_some() { Ok(report) } else { Err(SearchError::Failed { source, report: Box::new(report) }) }
 }
 
 /// The same of an error that may be that of a function.
@@ -513,12 +531,12 @@ fn ended_by(
     phases: Vec<PhaseSolution>,
     history: Vec<MeshRecord>,
     program: Report,
-) -> Result<CollocationReport, CollocationError> {
+) -> Result<CollocationReport, SearchError> {
     match error {
         CollocationError::Evaluation(EvaluationError::Failed(source)) => {
             ended(phases, history, program, source)
         }
-        error => Err(error),
+        error => Err(error.into()),
     }
 }
 

@@ -1,8 +1,6 @@
 //! Derivatives that a user wrote, compared with differences, and what is said of one that is wrong.
 
-use super::function::VectorFunction;
 use crate::WrongDerivative;
-use nalgebra::DMatrix;
 use somersault_core::differences::{Contradiction, Differences, Slopes};
 use somersault_nlp::EvaluationError;
 
@@ -89,35 +87,4 @@ fn compare(
     let slopes = Slopes::try_of(at, sizes, n, differences, &mut gradients)?;
     let wrong = slopes.and_then(|slopes| slopes.contradicted(&hessian));
     Ok(wrong.map(|wrong| WrongDerivative::of_hessian(labels, at, wrong)))
-}
-
-/// A [`VectorFunction`] with `n` arguments, all of whose derivatives are compared.
-pub(super) struct Whole<'a, F: ?Sized> {
-    pub(super) function: &'a mut F,
-    pub(super) n: usize,
-}
-
-impl<F: VectorFunction + ?Sized> Compared for Whole<'_, F> {
-    fn values(&mut self, points: &[f64], values: &mut [f64]) -> Result<(), EvaluationError> {
-        let m = self.function.n_outputs();
-        let mut pairs = points.chunks_exact(self.n).zip(values.chunks_exact_mut(m.max(1)));
-        pairs.try_for_each(|(point, values)| self.function.evaluate(point, values))
-    }
-
-    fn jacobians(&mut self, points: &[f64], jacobians: &mut [f64]) -> Result<(), EvaluationError> {
-        let (n, m) = (self.n, self.function.n_outputs());
-        let mut matrix = DMatrix::zeros(m, n);
-        for (point, out) in points.chunks_exact(n).zip(jacobians.chunks_exact_mut((m * n).max(1))) {
-            self.function.jacobian(point, &mut matrix)?;
-            out.iter_mut().enumerate().for_each(|(k, out)| *out = matrix[(k / n, k % n)]);
-        }
-        Ok(())
-    }
-
-    fn hessian(&mut self, at: &[f64], weights: &[f64]) -> Result<Option<Vec<f64>>, EvaluationError> {
-        let mut matrix = DMatrix::zeros(self.n, self.n);
-        self.function.add_hessian(at, weights, &mut matrix)?;
-        matrix.fill_lower_triangle_with_upper_triangle();
-        Ok(Some(matrix.as_slice().to_vec()))
-    }
 }

@@ -354,8 +354,7 @@ impl From<CollocationError> for Error {
     fn from(error: CollocationError) -> Self {
         match error {
             CollocationError::Solver(error) => error.into(),
-            CollocationError::Failed { source, .. }
-            | CollocationError::Evaluation(EvaluationError::Failed(source)) => Self::failed(source),
+            CollocationError::Evaluation(EvaluationError::Failed(source)) => Self::failed(source),
             CollocationError::Evaluation(error) => Self::own(Class::Evaluation, &error),
             CollocationError::NoDerivative(
                 error @ (NoDerivative::NotIsolated | NoDerivative::Dependent { .. }),

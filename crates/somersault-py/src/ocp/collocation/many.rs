@@ -9,7 +9,7 @@ use pyo3::prelude::*;
 use rayon::prelude::*;
 use somersault::core::cancel::CancellationToken;
 use somersault::nlp::{Flow, Iteration, Status};
-use somersault::ocp::collocation::{CollocationError, CollocationReport, Problem};
+use somersault::ocp::collocation::{CollocationError, CollocationReport, Problem, SearchError};
 use std::sync::Arc;
 
 /// Results of all solves.
@@ -37,11 +37,17 @@ impl From<Error> for Fault {
 
 impl From<CollocationError> for Fault {
     fn from(error: CollocationError) -> Self {
+        Error::from(error).with_names(&NAMES).into()
+    }
+}
+
+impl From<SearchError> for Fault {
+    fn from(error: SearchError) -> Self {
         match error {
-            CollocationError::Failed { source, report } => {
+            SearchError::Failed { source, report } => {
                 Self { error: Error::failed(source), report: Some(report) }
             }
-            error => Error::from(error).with_names(&NAMES).into(),
+            SearchError::Collocation(error) => error.into(),
         }
     }
 }

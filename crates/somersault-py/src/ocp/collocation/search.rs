@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use somersault::core::cancel::CancellationToken;
 use somersault::nlp::{Flow, Iteration, Sqp, Status};
 use somersault::ocp::collocation::{
-    Collocation, CollocationError, CollocationReport, CollocationStatus, Mesh, Problem,
+    Collocation, CollocationError, CollocationReport, CollocationStatus, Mesh, Problem, SearchError,
 };
 use std::sync::Arc;
 use std::time::Duration;
@@ -111,11 +111,11 @@ impl SearchOptions<'_, '_> {
         watcher.hears(raised);
         let mut report = match found {
             Ok(report) => report,
-            Err(CollocationError::Failed { source, report }) => {
+            Err(SearchError::Failed { source, report }) => {
                 let error = PyErr::from(Error::failed(source));
                 return Err(with_solution(py, error, result(*report)?));
             }
-            Err(error) => return Err(named(error)),
+            Err(SearchError::Collocation(error)) => return Err(named(error)),
         };
         if watcher.is_interrupted(py) {
             ended_by(&mut report, Status::Interrupted);
