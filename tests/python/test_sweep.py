@@ -133,6 +133,20 @@ def test_a_call_that_kills_its_process_is_a_failure_of_its_point(cluster: Any) -
     assert found.failures == {3: sweep.Failure("KilledWorker", "the process of the call was killed")}
 
 
+@pytest.mark.filterwarnings("default")
+def test_points_beside_one_that_kills_its_process_have_their_values(cluster: Any) -> None:
+    def deadly(x: int) -> int:
+        time.sleep(0.05)
+        if x % 4 == 3:
+            os._exit(1)
+        return x
+
+    with cluster.get_client() as client:
+        found = sweep.run(deadly, sweep.grid(x=range(8)), client=client)
+    assert found.values == [0, 1, 2, None, 4, 5, 6, None]
+    assert set(found.failures) == {3, 7}
+
+
 def test_failures_are_recorded_and_can_be_tried_again(tmp_path: Path) -> None:
     found = sweep.run(ten_over, sweep.grid(x=[2, 0, 5]), directory=tmp_path / "a")
     assert found.values == [5.0, None, 2.0]

@@ -421,7 +421,9 @@ def _compute(
         executor = cluster.get_executor(pure=False)
         n_workers = max(1, sum(cluster.ncores().values()))
     size = min(_TASK_POINTS, max(1, len(todo) // (4 * n_workers)))
-    alone: deque[tuple[int, Any]] = deque()
+    # Points of tasks that ended with their process, and the one of them that runs with nothing beside it.
+    suspects: deque[tuple[int, Any]] = deque()
+    isolated: Future[list[bytes]] | None = None
     running: dict[Future[list[bytes]], list[tuple[int, Any]]] = {}
 
     def keep(index: int, record: bytes, bar: Any) -> None:
@@ -437,11 +439,12 @@ def _compute(
         except CancelledError:
             raise SweepError("the cluster has gone away; run again to continue") from None
         except Exception as fault:
-            # A call that takes its process with it is a failure of its point, once it is known which.
+            # A call that takes its process with it is a failure of its point, once it is known which: the process
+            # may have had other tasks.
             if type(fault).__name__ != "KilledWorker":
                 raise
-            if len(items) > 1:
-                alone.extend(items)
+            if future is not isolated:
+                suspects.extend(items)
             else:
                 index, point = items[0]
                 error = {"type": "KilledWorker", "message": "the process of the call was killed"}
@@ -453,13 +456,14 @@ def _compute(
 
     with _bar(progress, len(points), len(records)) as bar:
         try:
-            while todo or alone or running:
-                while (todo or alone) and len(running) < 2 * n_workers:
-                    if todo:
-                        items = [todo.popleft() for _ in range(min(size, len(todo)))]
-                    else:
-                        items = [alone.popleft()]
+            while todo or suspects or running:
+                while todo and len(running) < 2 * n_workers:
+                    items = [todo.popleft() for _ in range(min(size, len(todo)))]
                     running[executor.submit(_work, function, items, stop)] = items
+                if suspects and not running:
+                    items = [suspects.popleft()]
+                    isolated = executor.submit(_work, function, items, stop)
+                    running[isolated] = items
                 for future in wait(running, return_when=FIRST_COMPLETED).done:
                     take(future, bar)
         except KeyboardInterrupt:
