@@ -439,8 +439,8 @@ def _compute(
         except CancelledError:
             raise SweepError("the cluster has gone away; run again to continue") from None
         except Exception as fault:
-            # A call that takes its process with it is a failure of its point, once it is known which: the process
-            # may have had other tasks.
+            # A call that takes its process with it is a failure of its point, once it is known which: the
+            # process may have had other tasks.
             if type(fault).__name__ != "KilledWorker":
                 raise
             if future is not isolated:
