@@ -1,4 +1,4 @@
-"""Flows of other fields: an attractor, a double gyre with its ridges, and growth that is no rate."""
+"""Flows of other fields: an attractor, a double gyre with its ridges, and growth like a power of time."""
 
 from __future__ import annotations
 
@@ -87,8 +87,8 @@ def write(page: Page, measurements: Measurements) -> None:
         "A grey map with bright curved bands, and red lines along them",
     )
     page.text(
-        f"The longest ridge has a length of {number(ridges[0].length, 2)}. Motions on its two sides part; no"
-        " particle crosses it but slowly."
+        f"The longest ridge has a length of {number(ridges[0].length, 2)}. Motions on its two sides part;"
+        " particles cross it only slowly."
     )
-    page.section("Growth that is no rate")
+    page.section("Growth like a power of time")
     page.text(f"A shear, ẋ = y and ẏ = 0, over 500 s: {shear.message}.")
