@@ -12,7 +12,7 @@ import pytest
 from scipy.interpolate import CubicSpline, RegularGridInterpolator
 
 from somersault import multibody, ocp
-from somersault.errors import InputError, TraceError
+from somersault.errors import EvaluationError, InputError, TraceError
 
 #: ½ ∫ u² for a metre in a second.
 EFFORT = 6.0
@@ -316,6 +316,11 @@ class TestFailures:
 
         found = block(ocp.ExternalFunction(rates)).solve({"force": 40.0})
         assert found.success and found.cost == pytest.approx(EFFORT, rel=1e-8)
+
+    def test_a_start_without_a_value_names_the_function(self) -> None:
+        hill = ocp.ExternalFunction(lambda s: np.nan, name="hill")
+        with pytest.raises(EvaluationError, match="`hill`, which is not traced, has no finite value"):
+            ocp.ControlProblem(lambda x, u: [u.u + hill(x.s)], ("s",), ("u",), final=[1]).solve()
 
     @pytest.mark.parametrize(
         ("given", "message"),

@@ -333,7 +333,8 @@ impl Grid {
                             way.into_iter().for_each(|(a, b)| join(a, b));
                         }
                     }
-                    _ => {}
+                    // a ridge ends in the cell, which has four edges
+                    [] | [_] | [_, _, _, _, _, ..] => {}
                 }
             }
         }

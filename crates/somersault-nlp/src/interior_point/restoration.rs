@@ -216,10 +216,19 @@ impl Run<'_> {
                 Status::TimeLimit | Status::EvaluationLimit | Status::IterationLimit => {
                     return Ok(Advance::Ended(status));
                 }
-                _ if pull == 0.0 && self.slope_of_violation() <= STATIONARY => {
-                    return Ok(Advance::Ended(Status::Infeasible));
+                // any other end is tried again without the pull, and proves nothing before that
+                Status::Converged
+                | Status::Stalled
+                | Status::Infeasible
+                | Status::Unbounded
+                | Status::Undefined
+                | Status::Stopped
+                | Status::Interrupted
+                | Status::Failed => {
+                    if pull == 0.0 && self.slope_of_violation() <= STATIONARY {
+                        return Ok(Advance::Ended(Status::Infeasible));
+                    }
                 }
-                _ => {}
             }
         }
         Ok(Advance::Ended(Status::Stalled))

@@ -43,8 +43,9 @@ impl Call {
     fn evaluate(&mut self, all: &mut [f64]) -> Result<(), EvaluationError> {
         self.arguments.evaluate(all, &mut self.given)?;
         finite(&self.given, || format!("an argument of {}", self.function.labels().function))?;
-        let m = self.function.n_outputs();
-        self.function.evaluate(&self.given, &mut all[self.first..self.first + m])
+        let w = &mut all[self.first..self.first + self.function.n_outputs()];
+        self.function.evaluate(&self.given, w)?;
+        finite(w, || format!("`{}`, which is not traced,", self.function.labels().function))
     }
 
     /// E = Y_(z,w) D.
@@ -105,9 +106,7 @@ impl ComposedFunction {
         self.all[..self.n].copy_from_slice(arguments);
         // what a graph does not depend on must be finite all the same
         self.all[self.n..].fill(0.0);
-        self.calls.iter_mut().try_for_each(|call| call.evaluate(&mut self.all))?;
-        let w = &self.all[self.n..];
-        finite(w, || "a value of a function that is not traced".to_owned())
+        self.calls.iter_mut().try_for_each(|call| call.evaluate(&mut self.all))
     }
 
     /// D at z, with each E and G.
