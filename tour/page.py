@@ -22,6 +22,8 @@ LETTERS = 12.0
 _LEGIBLE = 9.5
 #: Pixels of the page for an inch of a figure where there is room.
 _INCH = 105
+#: Letters from which a cell of a table keeps a width in which they can be read.
+_LONG = 32
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,7 @@ class Page:
 
         def entry(tag: str, value: str | Cell) -> str:
             cell = value if isinstance(value, Cell) else Cell(value)
-            classes = ["text"] * cell.is_text
+            classes = ["text"] * cell.is_text + ["long"] * (len(cell.text) > _LONG)
             if cell.agrees is not None:
                 classes.append("same" if cell.agrees else "off")
             attribute = f' class="{" ".join(classes)}"' if classes else ""

@@ -401,7 +401,9 @@ class ControlProblem:
             on_interrupt,
         )
 
-    def polish(self, found: CollocationResult, *, max_time: float | None = None) -> PolishResult:
+    def polish(
+        self, found: CollocationResult, *, max_evaluations: int | None = None, max_time: float | None = None
+    ) -> PolishResult:
         """Finds the arcs of a solution, makes them exact, and certifies what it is.
 
         Where controls are at their bounds, between them or singular, and where states are at bounds, follows
@@ -414,6 +416,8 @@ class ControlProblem:
         ----------
         found : CollocationResult
             The result of this problem, whose dynamics are a function.
+        max_evaluations : int, optional
+            Of the equations of all arcs.
         max_time : float, optional
             s.
 
@@ -446,7 +450,7 @@ class ControlProblem:
             raise TypeError(f"`found` must be a CollocationResult, found {_article(type(found).__name__)}")
         if self._tree:
             raise InputError("`dynamics` must be a function for `polish`, found a Model")
-        return self._posed.polish(found, max_time)
+        return self._posed.polish(found, max_evaluations, max_time)
 
     def sensitivity(self, found: CollocationResult) -> SolutionSensitivity:
         """Derivatives of a solution with respect to what the problem gives.

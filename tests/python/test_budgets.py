@@ -150,11 +150,12 @@ class TestBudgets:
         assert np.isfinite(found.x).all()
 
 
-def test_polish_ends_by_its_time() -> None:
+@pytest.mark.parametrize(("options", "status"), [({"max_time": 1e-6}, "time_limit"), BUDGETS["evaluations"]])
+def test_polish_ends_by_its_budget(options: dict[str, Any], status: str) -> None:
     problem = control_problem()
     found = problem.solve(tol=1e-4)
-    polished = problem.polish(found, max_time=1e-6)
-    assert polished.verdict == "refused" and "the limit of time was reached" in polished.message
+    polished = problem.polish(found, **options)
+    assert polished.verdict == "refused" and REASONS[status] in polished.message
     assert np.isfinite(polished.state(1.0)).all()
 
 

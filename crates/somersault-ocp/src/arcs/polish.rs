@@ -5,7 +5,7 @@ use super::ends::{EndTerms, Ends};
 use super::flow::{ArcFlow, follow};
 use super::hamiltonian::{Hamiltonian, Observables};
 use super::kind::ArcKind;
-use super::shooting::{End, Iterate, Plan, Shooting};
+use super::shooting::{Budget, End, Iterate, Plan, Shooting};
 use super::structure::{Impulses, Structure};
 use super::verdict::Verdict;
 use crate::collocation::{
@@ -23,7 +23,10 @@ const NO_MOTION: f64 = 1e-2;
 /// Polishes collocation solutions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
-pub struct Polish {}
+pub struct Polish {
+    /// The most evaluations of the equations of all arcs, over all tries.
+    pub max_evaluations: Option<usize>,
+}
 
 /// An arc of an extremal.
 #[derive(Debug, Clone, PartialEq)]
@@ -146,7 +149,7 @@ impl Polish {
         self.polish_cancellable(problem, report, &CancellationToken::new())
     }
 
-    /// The same until it is cancelled, which is looked for at each of Newton's steps.
+    /// The same until it is cancelled, which is looked for at each evaluation of the equations.
     pub fn polish_cancellable(
         &self,
         problem: &mut Problem,
@@ -198,6 +201,7 @@ impl Polish {
             Err(reason) => return Ok(Polished::refused(report, reason)),
         };
         let mut sketch = structure.sketch(&hamiltonian);
+        let mut budget = Budget { token, evaluations: self.max_evaluations };
         for given_up in 0..=MOST_RETRIES {
             let mut found = match structure.found(&mut hamiltonian, &sketch) {
                 Ok(found) => found,
@@ -206,7 +210,7 @@ impl Polish {
             found.iterate.multipliers.clone_from(&multipliers);
             let sizes = sizes(&found.iterate);
             let mut shooting = Shooting::try_new(&mut hamiltonian, &found.plan, &ends, &mut terms, &sizes)?;
-            let solved = shooting.solve(found.iterate, token);
+            let solved = shooting.solve(found.iterate, &mut budget);
             let verdict = match &solved.end {
                 End::Converged => {
                     certificate::verdict(&mut shooting, &solved.iterate, solved.residual, &problem.phases[0])
@@ -223,6 +227,7 @@ impl Polish {
                     reason: format!("{} were found, but {reason}", described(&found.plan)),
                 },
                 End::Cancelled => Verdict::Refused { reason: "it was cancelled".to_owned() },
+                End::Spent => Verdict::Refused { reason: "the limit of evaluations was reached".to_owned() },
             };
             let cost = shooting.cost(&solved.iterate).unwrap_or(report.cost);
             let flows = shooting.flows;

@@ -111,6 +111,30 @@ pub(super) enum End {
     /// Why there is no solution.
     Failed(String),
     Cancelled,
+    /// No evaluation is left.
+    Spent,
+}
+
+/// How long Newton's method may go on.
+pub(super) struct Budget<'a> {
+    pub(super) token: &'a CancellationToken,
+    /// Evaluations of the equations of all arcs; none where they are not limited.
+    pub(super) evaluations: Option<usize>,
+}
+
+impl Budget<'_> {
+    /// How it ends where nothing is left; counts an evaluation otherwise.
+    fn spend(&mut self) -> Option<End> {
+        if self.token.is_cancelled() {
+            return Some(End::Cancelled);
+        }
+        match &mut self.evaluations {
+            Some(0) => return Some(End::Spent),
+            Some(left) => *left -= 1,
+            None => {}
+        }
+        None
+    }
 }
 
 /// What Newton's method left.
@@ -521,7 +545,7 @@ impl<'a> Shooting<'a> {
     }
 
     /// Newton's method.
-    pub(super) fn solve(&mut self, start: Iterate, token: &CancellationToken) -> Solved {
+    pub(super) fn solve(&mut self, start: Iterate, budget: &mut Budget<'_>) -> Solved {
         let columns = self.columns(&start);
         let mut solved = Solved { end: End::Cancelled, iterate: start, steps: 0, residual: f64::INFINITY };
         let rows = self.n_rows(&solved.iterate);
@@ -535,6 +559,10 @@ impl<'a> Shooting<'a> {
             return solved;
         }
         let fail = |solved: &mut Solved, reason: &str| solved.end = End::Failed(reason.to_owned());
+        if let Some(end) = budget.spend() {
+            solved.end = end;
+            return solved;
+        }
         self.remember(&mut solved.iterate);
         let Some(mut system) = self.evaluate(&solved.iterate, &columns) else {
             fail(&mut solved, "an arc of the collocation solution cannot be followed");
@@ -542,10 +570,6 @@ impl<'a> Shooting<'a> {
         };
         let mut last_length = f64::INFINITY;
         for _ in 0..MOST_STEPS {
-            if token.is_cancelled() {
-                solved.end = End::Cancelled;
-                return solved;
-            }
             let scales = self.scales(&solved.iterate, &columns);
             let Some(factors) = Factors::new(&system.jacobian, &scales) else {
                 fail(&mut solved, "its equations do not determine it: their matrix is singular");
@@ -580,6 +604,10 @@ impl<'a> Shooting<'a> {
             }
             let mut part = longest;
             let accepted = loop {
+                if let Some(end) = budget.spend() {
+                    solved.end = end;
+                    return solved;
+                }
                 let mut trial = self.moved(&solved.iterate, &columns, &step, part);
                 self.remember(&mut trial);
                 if let Some(next) = self.evaluate(&trial, &columns)

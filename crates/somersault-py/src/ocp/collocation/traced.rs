@@ -8,7 +8,7 @@ use super::{CollocationOutcome, CollocationResult, MultiphaseResult, PolishResul
 use crate::core::convert::{integer, integer_or_none};
 use crate::core::error::Error;
 use crate::core::waiting::{Cancellation, attend, deliver, leave_on_signal, returns_interrupted};
-use crate::ocp::arguments::{count, seed_of};
+use crate::ocp::arguments::{count, limit, seed_of};
 use crate::ocp::search::SearchResult;
 use crate::ocp::solver::deadline;
 use pyo3::prelude::*;
@@ -297,11 +297,12 @@ impl TracedProblem {
     }
 
     /// As `ControlProblem.polish`.
-    #[pyo3(signature = (found, max_time))]
+    #[pyo3(signature = (found, max_evaluations, max_time))]
     fn polish(
         &self,
         py: Python<'_>,
         found: &Bound<'_, CollocationResult>,
+        #[pyo3(from_py_with = integer_or_none)] max_evaluations: Option<i64>,
         max_time: Option<f64>,
     ) -> Result<PolishResult, Error> {
         let (report, phase) = (&found.get().report, self.phases[0].get());
@@ -313,9 +314,11 @@ impl TracedProblem {
         }
         let cancellation = Cancellation::at(deadline(max_time)?);
         let guess = found.get().phase().to_guess();
+        let mut polish = Polish::default();
+        polish.max_evaluations = limit("max_evaluations", max_evaluations, 1)?;
         let polish = || -> Result<Polished, Error> {
             let mut problem = self.problem(vec![guess], &cancellation.token)?;
-            Ok(Polish::default().polish_cancellable(&mut problem, report, &cancellation.token)?)
+            Ok(polish.polish_cancellable(&mut problem, report, &cancellation.token)?)
         };
         let polished = attend(py, |raised| cancellation.raise(raised), polish)??;
         if let Some(raised) = cancellation.raised() {
