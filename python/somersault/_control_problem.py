@@ -6,7 +6,7 @@ import copy
 import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Literal, cast
+from typing import Any, Literal, cast, overload
 
 import numpy as np
 
@@ -261,10 +261,12 @@ class ControlProblem:
         other._pose()
         return other
 
+    @overload
     def solve(
         self,
         guess: _Guess | None = None,
         *,
+        method: Literal["auto", "shooting", "collocation"] = "auto",
         tol: float = 1e-6,
         n_intervals: int | None = None,
         n_points: int | None = None,
@@ -274,14 +276,51 @@ class ControlProblem:
         max_time: float | None = None,
         callback: Callable[[int, _Floats, float, float], object] | None = None,
         on_interrupt: Literal["raise", "return"] = "raise",
-    ) -> CollocationResult:
-        """Solves by collocation, refines the mesh to the tolerance, and integrates what was found again.
+    ) -> CollocationResult: ...
+    @overload
+    def solve(
+        self,
+        guess: _Guess | None = None,
+        *,
+        method: Literal["indirect"],
+        tol: float = 1e-6,
+        n_intervals: int | None = None,
+        n_points: int | None = None,
+        max_meshes: int = 20,
+        max_iterations: int | None = None,
+        max_evaluations: int | None = None,
+        max_time: float | None = None,
+        callback: Callable[[int, _Floats, float, float], object] | None = None,
+        on_interrupt: Literal["raise", "return"] = "raise",
+    ) -> PolishResult: ...
+    def solve(
+        self,
+        guess: _Guess | None = None,
+        *,
+        method: Literal["auto", "shooting", "collocation", "indirect"] = "auto",
+        tol: float = 1e-6,
+        n_intervals: int | None = None,
+        n_points: int | None = None,
+        max_meshes: int = 20,
+        max_iterations: int | None = None,
+        max_evaluations: int | None = None,
+        max_time: float | None = None,
+        callback: Callable[[int, _Floats, float, float], object] | None = None,
+        on_interrupt: Literal["raise", "return"] = "raise",
+    ) -> CollocationResult | PolishResult:
+        """Solves, refines to the tolerance, and integrates what was found again.
 
-        Where no motion is found from the guess, the search starts again from one of minimum effort, on
-        horizons of an eighth of the guess's and longer until there is one.
+        Collocation refines its mesh until estimated errors are below the tolerance. Where no motion is found
+        from the guess, it starts again from one of minimum effort, on horizons of an eighth of the guess's
+        and longer until there is one. Where a tree has three driven joints or more, a duration that is given
+        and no guess, it starts from splines of the joints, and `message` says so.
 
         Parameters
         ----------
+        method : {'auto', 'shooting', 'collocation', 'indirect'}, optional
+            Splines of joints, or of controls where the dynamics are a function; collocation from the guess;
+            multiple shooting of states and costates along the arcs of a coarse collocation solution, as
+            `polish`; ``'auto'`` is collocation, from splines where these help.
         guess : CollocationResult or dict, optional
             An earlier result, from whose mesh and multipliers the search starts unless sizes of a mesh are
             given; or values by name of states, controls and parameters: a number that is
@@ -307,9 +346,15 @@ class ControlProblem:
 
         Returns
         -------
-        CollocationResult
+        CollocationResult or PolishResult
             With the best motion found, whatever the status. Columns of `x` after those of the states are the
-            integrals.
+            integrals. The motion of splines has no costates: they are NaN. ``'indirect'`` returns a
+            PolishResult.
+
+        Raises
+        ------
+        somersault.errors.InputError
+            If splines cannot take the problem, or ``'indirect'`` is given one that is not traced.
 
         Examples
         --------
@@ -324,6 +369,15 @@ class ControlProblem:
         >>> found = problem.solve(tol=1e-5)
         >>> found.status, round(found.cost, 4)  # 3 − √5
         ('converged', 0.7639)
+
+        The three ways to a linear–quadratic optimum, of cost (1 + e⁻²)/(1 − e⁻²)/2:
+
+        >>> problem = ocp.ControlProblem(
+        ...     lambda x, u: [u.u], states=("x",), controls=("u",), initial=[1], final=[0],
+        ...     running_cost=lambda x, u: 0.5 * (x.x**2 + u.u**2))
+        >>> ways = ("shooting", "collocation", "indirect")
+        >>> [round(problem.solve(method=way).cost, 6) for way in ways]
+        [0.656518, 0.656518, 0.656518]
         """
         found = self._posed.solve(
             self._origin("guess", guess),
@@ -336,8 +390,9 @@ class ControlProblem:
             max_time,
             callback,
             on_interrupt,
+            method,
         )
-        return cast("CollocationResult", found)
+        return cast("CollocationResult | PolishResult", found)
 
     def search(
         self,
@@ -448,8 +503,6 @@ class ControlProblem:
         """
         if not isinstance(found, CollocationResult):
             raise TypeError(f"`found` must be a CollocationResult, found {_article(type(found).__name__)}")
-        if self._tree:
-            raise InputError("`dynamics` must be a function for `polish`, found a Model")
         return self._posed.polish(found, max_evaluations, max_time)
 
     def sensitivity(self, found: CollocationResult) -> SolutionSensitivity:

@@ -95,6 +95,46 @@ pub enum OcpError {
     },
 }
 
+/// Why a problem has no motion of splines.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum NoSplines {
+    /// It has several phases.
+    #[error("splines take problems of one phase, found {found} phases")]
+    SeveralPhases {
+        /// How many.
+        found: usize,
+    },
+    /// Nothing drives it.
+    #[error("splines take problems with controls, found none")]
+    NoControls,
+    /// The start time is free.
+    #[error("splines take a start time that is a number, found one that is free")]
+    StartTime,
+    /// The duration may be zero or has no end.
+    #[error("splines take durations from above zero to a finite number, found {lower} to {upper}")]
+    EndlessDuration {
+        /// Shortest.
+        lower: f64,
+        /// Longest.
+        upper: f64,
+    },
+    /// An end cost or end constraint depends on a state that is free at the start.
+    #[error(
+        "splines take end costs and end constraints of the final state, found one of an initial state that is free"
+    )]
+    FreeStart,
+    /// Something has no value at the guess.
+    #[error("splines need a value at the guess: {what}")]
+    Undefined {
+        /// What has none.
+        what: String,
+    },
+    /// The program cannot be made.
+    #[error(transparent)]
+    Program(#[from] OcpError),
+}
+
 pub(crate) fn expect_below(argument: &str, found: usize, limit: usize) -> Result<(), OcpError> {
     if found < limit {
         Ok(())

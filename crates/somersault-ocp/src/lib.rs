@@ -28,8 +28,9 @@ pub mod swing_up;
 pub mod term;
 pub mod transcription;
 pub mod verification;
+pub mod ways;
 mod wrong_derivative;
 
-pub use error::OcpError;
+pub use error::{NoSplines, OcpError};
 pub use nalgebra;
 pub use wrong_derivative::WrongDerivative;

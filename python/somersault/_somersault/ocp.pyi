@@ -647,7 +647,8 @@ class TracedProblem:
         max_time: float | None,
         callback: Callable[[int, _Floats, float, float], object] | None,
         on_interrupt: Literal["raise", "return"],
-    ) -> CollocationOutcome: ...
+        method: Literal["auto", "shooting", "collocation", "indirect"] = "auto",
+    ) -> CollocationOutcome | PolishResult: ...
     def search(
         self,
         n_starts: int,

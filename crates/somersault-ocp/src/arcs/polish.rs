@@ -92,7 +92,8 @@ struct Motion {
 }
 
 impl Polished {
-    fn refused(report: &CollocationReport, reason: impl Into<String>) -> Self {
+    /// No extremal, for a reason: the motion is that of the report.
+    pub fn refused(report: &CollocationReport, reason: impl Into<String>) -> Self {
         let phase = report.phases.first();
         Self {
             verdict: Verdict::Refused { reason: reason.into() },
@@ -166,6 +167,12 @@ impl Polish {
             return Ok(Polished::refused(
                 report,
                 format!("collocation has found no motion to start from: {status:?}"),
+            ));
+        }
+        if solution.costates.iter().flatten().any(|l| l.is_nan()) {
+            return Ok(Polished::refused(
+                report,
+                "arcs are found by costates, and splines have none: solve by collocation",
             ));
         }
         let Some(functions) = phase.traced().cloned() else {

@@ -59,7 +59,7 @@ pub struct Confirmation {
 
 impl Confirmation {
     /// Of a solution that was not integrated.
-    pub(super) fn unknown(solution: &[PhaseSolution]) -> Self {
+    pub(crate) fn unknown(solution: &[PhaseSolution]) -> Self {
         let of = |phase: &PhaseSolution| PhaseConfirmation {
             defects: vec![f64::INFINITY; phase.grid.intervals.len()],
             end_to_end_error: f64::INFINITY,

@@ -1,7 +1,7 @@
 //! What can be wrong with a problem or a mesh.
 
 use super::interval::Interval;
-use crate::WrongDerivative;
+use crate::{NoSplines, WrongDerivative};
 use somersault_core::argument::ArgumentError;
 use somersault_expr::ExprError;
 use somersault_nlp::{EvaluationError, NoDerivative, SolverError};
@@ -34,6 +34,9 @@ pub enum CollocationError {
     /// The derivatives of a traced function cannot be made.
     #[error(transparent)]
     Traced(#[from] ExprError),
+    /// The problem has no motion of splines.
+    #[error(transparent)]
+    NoSplines(#[from] NoSplines),
     /// An argument has the wrong number of entries.
     #[error("`{argument}`{} must have {expected} entries, found {found}", of(*phase))]
     Length {

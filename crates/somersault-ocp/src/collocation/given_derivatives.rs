@@ -132,7 +132,7 @@ impl Phase {
         let [of_dynamics, of_path, of_ends] = self.labels();
         for place in places {
             let functions: [Candidate<'_>; 3] = [
-                (&mut *self.dynamics, &place.point, sizes, &of_dynamics),
+                (&mut self.dynamics, &place.point, sizes, &of_dynamics),
                 (&mut self.path, &place.point, sizes, &of_path),
                 (&mut self.ends, &place.ends, &at_ends, &of_ends),
             ];
@@ -153,7 +153,7 @@ impl Phase {
 impl Problem {
     /// Tells functions how large their arguments are, and compares derivatives that were brought with differences, at the guess and at
     /// random points near it. One that is wrong is an error.
-    pub(super) fn expect_derivatives(&mut self) -> Result<(), CollocationError> {
+    pub(crate) fn expect_derivatives(&mut self) -> Result<(), CollocationError> {
         let mut random = SplitMix64::new(1);
         for phase in &mut self.phases {
             let Some(guess) = phase.guess.clone() else { continue };

@@ -80,12 +80,12 @@ impl Guess {
     }
 
     /// The horizon.
-    pub(super) fn interval(&self) -> (f64, f64) {
+    pub(crate) fn interval(&self) -> (f64, f64) {
         (self.times[0], self.times[self.times.len() - 1])
     }
 
     /// x and u where a fraction of the duration has passed.
-    pub(super) fn at_fraction(&self, fraction: f64, state: &mut [f64], control: &mut [f64]) {
+    pub(crate) fn at_fraction(&self, fraction: f64, state: &mut [f64], control: &mut [f64]) {
         let (start, end) = self.interval();
         let passed = |time: f64| (time - start) / (end - start);
         let i = self.times.partition_point(|&time| passed(time) <= fraction).clamp(1, self.times.len() - 1);

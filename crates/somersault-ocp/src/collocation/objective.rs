@@ -1,6 +1,7 @@
 //! Costs and constraints of a phase, whose cost can be exchanged for effort while a start is sought.
 
 use super::function::{RelativeErrors, VectorFunction};
+use super::shared::Shared;
 use super::wrong_derivative::Labels;
 use crate::WrongDerivative;
 use nalgebra::DMatrix;
@@ -16,7 +17,7 @@ pub(super) struct Square {
 
 /// A cost, then constraints.
 pub(super) struct Objective {
-    function: Box<dyn VectorFunction>,
+    function: Shared,
     /// In the place of the cost.
     effort: Option<Vec<Square>>,
     weights: Vec<f64>,
@@ -25,7 +26,12 @@ pub(super) struct Objective {
 impl Objective {
     pub(super) fn new(function: Box<dyn VectorFunction>) -> Self {
         let weights = vec![0.0; function.n_outputs()];
-        Self { function, effort: None, weights }
+        Self { function: Shared::new(function), effort: None, weights }
+    }
+
+    /// Costs and constraints as they were posed.
+    pub(super) fn posed(&self) -> Shared {
+        self.function.clone()
     }
 
     /// The cost is ½ Σ w (a − c)² from now on, and nothing without squares.

@@ -14,6 +14,8 @@ use super::guess::Guess;
 use super::interval::{Interval, NO_BOUND};
 use super::linkage::{Linkage, Quantity};
 use super::objective::Objective;
+use super::shared::Shared;
+use super::stacked::Stacked;
 use super::traced::TracedFunction;
 use super::tree::TreeDynamics;
 use somersault_core::argument::expect_positive;
@@ -25,7 +27,7 @@ use std::sync::Arc;
 /// All is free until it is bounded; the horizon is [0, 1] until it is set.
 pub struct Phase {
     pub(super) sizes: Sizes,
-    pub(super) dynamics: Box<dyn VectorFunction>,
+    pub(super) dynamics: Shared,
     /// L, then g.
     pub(super) path: Objective,
     /// Φ, then b.
@@ -35,7 +37,11 @@ pub struct Phase {
     pub(super) guess: Option<Guess>,
     /// The functions that were traced, if all of them were: f, then L and g, then Φ and b.
     traced: Option<[ExprFunction; 3]>,
+    /// The tree that moves, if the first states are its own.
+    tree: Option<TreeDynamics>,
     names: Names,
+    /// Whether the guess, and scales of states and controls, were given.
+    given: [bool; 3],
 }
 
 /// What entries of states and controls are, where that is known.
@@ -54,6 +60,12 @@ impl Names {
         };
         Entry { index, name: names.get(index).cloned() }
     }
+}
+
+/// Where a phase started from, and its scales.
+pub(crate) struct PhaseStart {
+    guess: Option<Guess>,
+    scales: Scales,
 }
 
 /// Sizes by which variables and rows are divided; zero where the size is to be found.
@@ -79,7 +91,25 @@ impl Phase {
     pub fn of_tree(dynamics: TreeDynamics, terms: impl Terms + 'static) -> Self {
         let sizes = Sizes { states: dynamics.n_states(), controls: dynamics.n_controls(), parameters: 0 };
         let names = Names { states: dynamics.state_names(), controls: dynamics.control_names() };
-        Self { names, ..Self::assemble(sizes, Box::new(dynamics), terms) }
+        let tree = Some(dynamics.clone());
+        Self { names, tree, ..Self::assemble(sizes, Box::new(dynamics), terms) }
+    }
+
+    /// A tree of bodies and states beside it: x = (q, v, y), with ẏ = `further` over (x, u, p, t).
+    pub fn of_tree_with(
+        dynamics: TreeDynamics,
+        further: Box<dyn VectorFunction>,
+        n_parameters: usize,
+        terms: impl Terms + 'static,
+    ) -> Self {
+        let (n, controls) = (dynamics.n_states(), dynamics.n_controls());
+        let states = n + further.n_outputs();
+        let sizes = Sizes { states, controls, parameters: n_parameters };
+        let places = (0..n).chain(states..states + controls).collect();
+        let tree = Some(dynamics.clone());
+        let parts: Vec<(Box<dyn VectorFunction>, Vec<usize>)> =
+            vec![(Box::new(dynamics), places), (further, (0..sizes.point()).collect())];
+        Self { tree, ..Self::assemble(sizes, Box::new(Stacked::new(parts)), terms) }
     }
 
     /// Equations of motion f(x, u, p, t) that bring their derivatives; as many states as outputs.
@@ -124,6 +154,48 @@ impl Phase {
         self.traced.as_ref()
     }
 
+    /// The tree that moves, if the states are its own and others after them.
+    pub fn tree(&self) -> Option<&TreeDynamics> {
+        self.tree.as_ref()
+    }
+
+    /// The functions as they were posed: f, then L and g, then Φ and b.
+    pub(crate) fn functions(&self) -> [Shared; 3] {
+        [self.dynamics.clone(), self.path.posed(), self.ends.posed()]
+    }
+
+    /// Whether it came with a guess.
+    pub(crate) fn is_guessed(&self) -> bool {
+        self.given[0]
+    }
+
+    /// Starts from another guess, of which scales follow that were not given; returns what takes it back.
+    pub(crate) fn exchange_start(&mut self, guess: Guess) -> Result<PhaseStart, CollocationError> {
+        guess.validate(None, &self.sizes)?;
+        let before = PhaseStart { guess: self.guess.replace(guess), scales: self.scales.clone() };
+        let [_, state, control] = self.given;
+        if !state {
+            self.scales.state.clear();
+        }
+        if !control {
+            self.scales.control.clear();
+        }
+        if let Some(guess) = &self.guess {
+            self.scales.complete(None, guess, &self.bounds)?;
+        }
+        Ok(before)
+    }
+
+    /// Starts where it did before.
+    pub(crate) fn restore_start(&mut self, before: PhaseStart) {
+        (self.guess, self.scales) = (before.guess, before.scales);
+    }
+
+    /// Where a search starts.
+    pub(crate) fn start(&self) -> Option<&Guess> {
+        self.guess.as_ref()
+    }
+
     /// Names of states and controls, for errors and messages.
     pub fn names(mut self, states: impl Into<Vec<String>>, controls: impl Into<Vec<String>>) -> Self {
         self.names = Names { states: states.into(), controls: controls.into() };
@@ -146,14 +218,16 @@ impl Phase {
         };
         Self {
             sizes,
-            dynamics,
+            dynamics: Shared::new(dynamics),
             path: Objective::new(Box::new(ByDuals::new(PathFormula(terms.clone(), sizes), sizes.point()))),
             ends: Objective::new(Box::new(ByDuals::new(EndFormula(terms, sizes), sizes.ends()))),
             bounds,
             scales: Scales { state: Vec::new(), control: Vec::new() },
             guess: None,
             traced: None,
+            tree: None,
             names: Names::default(),
+            given: [false; 3],
         }
     }
 
@@ -325,6 +399,7 @@ impl Phase {
                 }
             }
         }
+        self.given = [self.guess.is_some(), !self.scales.state.is_empty(), !self.scales.control.is_empty()];
         let guess = self.guess.get_or_insert_with(|| Guess::straight(bounds));
         guess.validate(phase, &self.sizes)?;
         self.scales.complete(phase, guess, bounds)

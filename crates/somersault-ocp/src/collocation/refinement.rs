@@ -13,6 +13,7 @@
 //! where a bound begins or ceases to act in it, which grades the mesh towards that place, and gets two more points elsewhere.
 
 use super::error::CollocationError;
+use super::function::VectorFunction;
 use super::mesh::Mesh;
 use super::optimality::{Accuracy, IntervalOptimality};
 use super::problem::Phase;

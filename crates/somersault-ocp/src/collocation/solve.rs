@@ -5,6 +5,7 @@ use super::error::CollocationError;
 use super::function::RelativeErrors;
 use super::guess::Guess;
 use super::mesh::Mesh;
+use super::metered::Metered;
 use super::optimality::{Accuracy, IntervalOptimality, optimality};
 use super::problem::Problem;
 use super::radau::MAX_POINTS;
@@ -16,14 +17,14 @@ use crate::WrongDerivative;
 use somersault_core::argument::{expect_positive, expect_range};
 use somersault_core::cancel::CancellationToken;
 use somersault_nlp::{
-    Counts, Curvature, EvaluationError, Exhausted, Flow, Globalisation, Iteration, KktResiduals, Nlp,
-    NlpSolver, Report, SolverError, Sqp, Start, Status, Structure,
+    Counts, EvaluationError, Exhausted, Flow, Globalisation, Iteration, KktResiduals, NlpSolver, Report,
+    SolverError, Sqp, Start, Status,
 };
 use std::error::Error;
 use std::time::{Duration, Instant};
 
 /// How far an infeasible point of a mesh may be from feasible for the next mesh to start from it.
-pub(super) const USABLE: f64 = 1e-4;
+pub(crate) const USABLE: f64 = 1e-4;
 /// Meshes in a row that leave more than this fraction of the least error before them, after which there is no other.
 const PATIENCE: usize = 5;
 const WORTHWHILE: f64 = 0.5;
@@ -32,7 +33,7 @@ const CREEPING: usize = 2;
 /// Tolerance of the programs in units of the error of derivatives, where that is more.
 const NOISE: f64 = 10.0;
 /// Relative defect from which on a motion is not coarse but none.
-const NO_MOTION: f64 = 1e-2;
+pub(crate) const NO_MOTION: f64 = 1e-2;
 
 /// Collocation with mesh refinement.
 #[derive(Debug, Clone)]
@@ -92,8 +93,8 @@ pub enum CollocationStatus {
 pub struct MeshRecord {
     /// One for each phase.
     pub meshes: Vec<Mesh>,
-    /// Whether the program was one of minimum effort on a fixed horizon, for a start: its cost is the effort, and its errors are
-    /// [unknown](Accuracy::UNKNOWN).
+    /// Whether the program was for a start, and its errors are [unknown](Accuracy::UNKNOWN): one of splines, or one of minimum effort on
+    /// a fixed horizon, whose cost is the effort.
     pub is_start: bool,
     /// Cost as the program sees it.
     pub cost: f64,
@@ -129,6 +130,9 @@ pub struct CollocationReport {
     /// How accurate the functions were.
     #[cfg_attr(feature = "serde", serde(default))]
     pub relative_errors: RelativeErrors,
+    /// Where the search started and why, if that was chosen for it.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub origin: String,
 }
 
 impl CollocationReport {
@@ -469,6 +473,7 @@ impl<S: NlpSolver> Collocation<S> {
             program,
             wrong_derivative: None,
             relative_errors: RelativeErrors::default(),
+            origin: String::new(),
         })
     }
 
@@ -480,7 +485,7 @@ impl<S: NlpSolver> Collocation<S> {
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
         left: &mut Option<usize>,
     ) -> Result<(Report, Option<Box<dyn Error + Send + Sync>>), CollocationError> {
-        match self.solver.solve(&mut Metered { transcription, left }, start, on_iteration) {
+        match self.solver.solve(&mut Metered { nlp: transcription, left }, start, on_iteration) {
             Ok(report) => Ok((report, None)),
             Err(SolverError::Failed { source, report }) => Ok((*report, Some(source))),
             Err(error) => Err(error.into()),
@@ -521,6 +526,7 @@ fn ended(
         program,
         wrong_derivative: None,
         relative_errors: RelativeErrors::default(),
+        origin: String::new(),
     };
     if spent.is_some() { Ok(report) } else { Err(SearchError::Failed { source, report: Box::new(report) }) }
 }
@@ -578,53 +584,8 @@ fn judge(
     Ok(Judged { errors, optimal, accuracy, runs_away })
 }
 
-/// A program that may be evaluated so often.
-struct Metered<'a, 'p> {
-    transcription: &'a mut Transcription<'p>,
-    left: &'a mut Option<usize>,
-}
-
-#[deny(clippy::missing_trait_methods)]
-impl Nlp for Metered<'_, '_> {
-    fn structure(&self) -> &Structure {
-        self.transcription.structure()
-    }
-
-    fn evaluate(&mut self, z: &[f64], constraints: &mut [f64]) -> Result<f64, EvaluationError> {
-        match self.left {
-            Some(0) => return Err(Exhausted::Evaluations.into()),
-            Some(left) => *left -= 1,
-            None => {}
-        }
-        self.transcription.evaluate(z, constraints)
-    }
-
-    fn differentiate(
-        &mut self,
-        z: &[f64],
-        gradient: &mut [f64],
-        jacobian: &mut [f64],
-    ) -> Result<(), EvaluationError> {
-        self.transcription.differentiate(z, gradient, jacobian)
-    }
-
-    fn curvature(&self) -> Curvature {
-        self.transcription.curvature()
-    }
-
-    fn hessian(
-        &mut self,
-        z: &[f64],
-        cost_factor: f64,
-        multipliers: &[f64],
-        hessian: &mut [f64],
-    ) -> Result<(), EvaluationError> {
-        self.transcription.hessian(z, cost_factor, multipliers, hessian)
-    }
-}
-
 /// Whether the search was stopped from outside, or must be.
-pub(super) fn is_ended(status: Status) -> bool {
+pub(crate) fn is_ended(status: Status) -> bool {
     use Status::{EvaluationLimit, Failed, Interrupted, Stopped, TimeLimit};
     matches!(status, Stopped | Interrupted | Failed | TimeLimit | EvaluationLimit)
 }

@@ -72,6 +72,16 @@ impl TreeDynamics {
         Self::try_new(model, &all)
     }
 
+    /// The tree.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// The degrees of freedom with a force, in the order of the controls.
+    pub fn actuated(&self) -> &[usize] {
+        &self.actuated
+    }
+
     /// Length of x, twice the degrees of freedom.
     pub fn n_states(&self) -> usize {
         2 * self.model.n_velocities()

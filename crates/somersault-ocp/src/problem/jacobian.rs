@@ -1,7 +1,9 @@
 //! Where the rows of the constraints have their entries, and the two ways to compute them.
 
 use super::{Constraint, Cost, LinearConstraint, MotionProblem};
+use crate::term::{Node, Term};
 use crate::transcription::{NodeTangent, Transcription};
+use nalgebra::{DMatrixView, DMatrixViewMut};
 use somersault_nlp::{EvaluationError, Pattern};
 
 /// How the Jacobian of the constraints is made.
@@ -29,6 +31,7 @@ impl Rows {
         costs: &[Cost],
         constraints: &[Constraint],
         linear: &[LinearConstraint],
+        with_terms: bool,
     ) -> (Self, Pattern) {
         let outline = transcription.outline();
         let n_defects = outline.n_defects();
@@ -51,7 +54,8 @@ impl Rows {
             }
         }
         let mut costs_at = vec![Vec::new(); outline.n_nodes()];
-        for (c, cost) in costs.iter().enumerate().filter(|(_, cost)| cost.loss.is_curved()) {
+        let is_curved = |cost: &Cost| cost.loss.is_curved() || with_terms && !cost.sampled.term.is_linear();
+        for (c, cost) in costs.iter().enumerate().filter(|(_, cost)| is_curved(cost)) {
             cost.sampled.nodes.iter().for_each(|k| costs_at[*k].push(c));
         }
         for constraint in linear {
@@ -179,10 +183,18 @@ impl<T: Transcription> MotionProblem<T> {
         Ok(())
     }
 
-    /// Σ c (∂r/∂z)ᵀ (∂r/∂z) over the rows r of all costs, c the curvature of their loss.
-    pub(super) fn gauss_newton(&mut self, factor: f64, hessian: &mut [f64]) -> Result<(), EvaluationError> {
-        let Self { transcription, costs, rows, work, structure, .. } = self;
-        let super::Work { value, seed, node: by_node, variables: row_values, defects, .. } = work;
+    /// Σ c (∂r/∂z)ᵀ (∂r/∂z) over the rows r of all costs, c the curvature of their loss. With multipliers also what terms have for
+    /// curvature of their own, those of costs and of constraints.
+    pub(super) fn gauss_newton(
+        &mut self,
+        factor: f64,
+        multipliers: Option<&[f64]>,
+        hessian: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        let Self { transcription, costs, constraints, rows, work, structure, .. } = self;
+        let super::Work {
+            value, seed, node: by_node, variables: row_values, defects, tangents, bent, ..
+        } = work;
         let pattern = &structure.hessian;
         hessian.fill(0.0);
         transcription.push_forward(defects, &mut |k, node, weight, tangent: &NodeTangent| {
@@ -204,12 +216,72 @@ impl<T: Transcription> MotionProblem<T> {
                     by_node.clear();
                     sampled.term.pull_back(node, seed, by_node)?;
                     tangent.add_pulled_back(by_node, row_values);
-                    add_square(pattern, &tangent.variables, row_values, curvature, hessian);
+                    add_product(pattern, &tangent.variables, [row_values, row_values], curvature, hessian);
+                }
+                if multipliers.is_some() && !sampled.term.is_linear() {
+                    loss.gradient_into(value, factor, seed);
+                    add_curvature(
+                        &mut *sampled.term,
+                        (node, seed),
+                        tangent,
+                        [tangents, bent],
+                        pattern,
+                        hessian,
+                    )?;
+                }
+            }
+            let Some(multipliers) = multipliers else { return Ok(()) };
+            for &(c, index) in &rows.constraints_at[k] {
+                let Constraint { sampled, integrated, first_row, .. } = &mut constraints[c];
+                if sampled.term.is_linear() {
+                    continue;
+                }
+                let n_rows = sampled.term.n_rows();
+                let first = *first_row + if *integrated { 0 } else { index * n_rows };
+                let weight = if *integrated { weight } else { 1.0 };
+                let seed = &mut seed[..n_rows];
+                seed.iter_mut().zip(&multipliers[first..]).for_each(|(seed, y)| *seed = weight * y);
+                if seed.iter().any(|y| *y != 0.0) {
+                    add_curvature(
+                        &mut *sampled.term,
+                        (node, seed),
+                        tangent,
+                        [tangents, bent],
+                        pattern,
+                        hessian,
+                    )?;
                 }
             }
             Ok(())
         })
     }
+}
+
+/// Adds Xᵀ (Σ y_i ∂²r_i) X, X the tangents of the numbers of the node that the term depends on.
+fn add_curvature(
+    term: &mut dyn Term,
+    (node, y): (&Node<'_>, &[f64]),
+    tangent: &NodeTangent,
+    [tangents, bent]: [&mut Vec<f64>; 2],
+    pattern: &Pattern,
+    hessian: &mut [f64],
+) -> Result<(), EvaluationError> {
+    let Some(term) = term.second_derivatives() else { return Ok(()) };
+    tangents.clear();
+    term.numbers().iter().for_each(|number| tangents.extend_from_slice(tangent.column(*number)));
+    let second = term.weighted(node, y)?;
+    let (n, m) = (tangent.variables.len(), second.ncols());
+    bent.clear();
+    bent.resize(n * m, 0.0);
+    let tangents = DMatrixView::from_slice(tangents, n, m);
+    let mut product = DMatrixViewMut::from_slice(bent, n, m);
+    tangents.mul_to(second, &mut product);
+    for (row, (column, bent)) in tangents.column_iter().zip(product.column_iter()).enumerate() {
+        if second.column(row).iter().any(|x| *x != 0.0) {
+            add_product(pattern, &tangent.variables, [bent.as_slice(), column.as_slice()], 1.0, hessian);
+        }
+    }
+    Ok(())
 }
 
 /// Adds entries by `variables`, which are among those of the row.
@@ -222,10 +294,10 @@ fn add_row(rows: &Rows, row: usize, variables: &[usize], entries: &[f64], values
     }
 }
 
-/// Adds c x xᵀ, x by `variables`, to the upper triangle; its entries are in the pattern.
-fn add_square(pattern: &Pattern, variables: &[usize], x: &[f64], c: f64, hessian: &mut [f64]) {
+/// Adds c x yᵀ, x and y by `variables`, to the upper triangle; its entries are in the pattern.
+fn add_product(pattern: &Pattern, variables: &[usize], [x, y]: [&[f64]; 2], c: f64, hessian: &mut [f64]) {
     for (j, column) in variables.iter().enumerate() {
-        let factor = c * x[j];
+        let factor = c * y[j];
         if factor == 0.0 {
             continue;
         }

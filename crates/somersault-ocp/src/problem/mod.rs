@@ -22,6 +22,17 @@ use crate::transcription::{Outline, RolloutGradient, Transcription};
 use somersault_core::argument::{expect_finite, expect_length, expect_positive};
 use somersault_nlp::{Bounds, Pattern, Structure};
 
+/// What the Hessian has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Model {
+    /// The curvature of losses.
+    GaussNewton,
+    /// That of terms too.
+    Terms,
+    /// That of the motion too.
+    Exact,
+}
+
 /// A term, and the nodes at which it is taken.
 struct SampledTerm {
     term: Box<dyn Term>,
@@ -59,7 +70,7 @@ pub struct MotionProblemBuilder<T> {
     linear_bounds: Bounds,
     variables: Bounds,
     sweep: Option<Sweep>,
-    exact: bool,
+    model: Model,
 }
 
 /// Costs and constraints over a transcription; an [`Nlp`](somersault_nlp::Nlp).
@@ -70,7 +81,7 @@ pub struct MotionProblem<T> {
     linear: Vec<LinearConstraint>,
     structure: Structure,
     sweep: Sweep,
-    exact: bool,
+    model: Model,
     rows: jacobian::Rows,
     work: Work,
 }
@@ -84,6 +95,9 @@ struct Work {
     /// One entry for each variable.
     variables: Vec<f64>,
     defects: Vec<f64>,
+    /// Of the numbers that a curved term depends on, and the same times its second derivatives.
+    tangents: Vec<f64>,
+    bent: Vec<f64>,
 }
 
 impl<T: Transcription> MotionProblem<T> {
@@ -98,7 +112,7 @@ impl<T: Transcription> MotionProblem<T> {
             linear_bounds: Bounds::default(),
             variables,
             sweep: None,
-            exact: false,
+            model: Model::GaussNewton,
         }
     }
 
@@ -220,20 +234,31 @@ impl<T: Transcription> MotionProblemBuilder<T> {
     }
 
     /// Asks for the exact Hessian of the Lagrangian in place of that of Gauss and Newton. It takes a transcription with
-    /// second derivatives and terms that are linear in the node.
+    /// second derivatives and terms that are linear in the node or have second derivatives too.
     pub fn with_exact_hessian(mut self) -> Self {
-        self.exact = true;
+        self.model = Model::Exact;
+        self
+    }
+
+    /// Adds to the Hessian of Gauss and Newton the curvature of terms in the numbers of their nodes, and leaves that of the motion out.
+    /// It takes terms that are linear in the node or have second derivatives; costs are to be convex.
+    pub fn with_curved_terms(mut self) -> Self {
+        self.model = Model::Terms;
         self
     }
 
     /// Fails where something has no second derivatives.
     fn expect_curvature(&mut self) -> Result<(), OcpError> {
-        if self.transcription.second_derivatives().is_none() {
+        if self.model == Model::Exact && self.transcription.second_derivatives().is_none() {
             return Err(OcpError::NoCurvature { what: "the transcription".to_owned() });
         }
-        let sampled =
-            self.costs.iter().map(|c| &c.sampled).chain(self.constraints.iter().map(|c| &c.sampled));
-        match sampled.map(|sampled| &sampled.term).find(|term| !term.is_linear()) {
+        let sampled = self
+            .costs
+            .iter_mut()
+            .map(|c| &mut c.sampled)
+            .chain(self.constraints.iter_mut().map(|c| &mut c.sampled));
+        let is_missing = |term: &mut Box<dyn Term>| !term.is_linear() && term.second_derivatives().is_none();
+        match sampled.map(|sampled| &mut sampled.term).find_map(|term| is_missing(term).then_some(term)) {
             Some(term) => Err(OcpError::NoCurvature { what: term.name().to_owned() }),
             None => Ok(()),
         }
@@ -252,11 +277,12 @@ impl<T: Transcription> MotionProblemBuilder<T> {
     /// The problem.
     pub fn build(mut self) -> Result<MotionProblem<T>, OcpError> {
         self.expect_variables()?;
-        if self.exact {
+        if self.model != Model::GaussNewton {
             self.expect_curvature()?;
         }
-        let Self { transcription, costs, mut constraints, linear, linear_bounds, variables, sweep, exact } =
+        let Self { transcription, costs, mut constraints, linear, linear_bounds, variables, sweep, model } =
             self;
+        let is_curved = model != Model::GaussNewton;
         let outline = transcription.outline();
         let mut bounds = outline.defects.clone();
         for constraint in &mut constraints {
@@ -272,9 +298,9 @@ impl<T: Transcription> MotionProblemBuilder<T> {
         for (lower, upper) in linear_bounds.lower.iter().zip(&linear_bounds.upper) {
             bounds.push(*lower, *upper);
         }
-        let (rows, jacobian) = jacobian::Rows::new(&transcription, &costs, &constraints, &linear);
+        let (rows, jacobian) = jacobian::Rows::new(&transcription, &costs, &constraints, &linear, is_curved);
         let n = outline.n_variables();
-        let curved: Vec<Vec<usize>> = if exact {
+        let curved: Vec<Vec<usize>> = if is_curved {
             (0..outline.n_nodes()).map(|k| transcription.variables_of_node(k)).collect()
         } else {
             let nodes =
@@ -296,12 +322,14 @@ impl<T: Transcription> MotionProblemBuilder<T> {
             rollout: RolloutGradient::new(outline),
             variables: vec![0.0; n],
             defects: vec![0.0; rows.n_defect_entries()],
+            tangents: Vec::new(),
+            bent: Vec::new(),
         };
         // an adjoint sweep costs about as much as one tangent in a forward sweep
         let cheaper = if n_swept < n { Sweep::Adjoint } else { Sweep::Forward };
         let structure = Structure { variables, constraints: bounds, jacobian, hessian };
         let sweep = sweep.unwrap_or(cheaper);
-        Ok(MotionProblem { transcription, costs, constraints, linear, structure, sweep, exact, rows, work })
+        Ok(MotionProblem { transcription, costs, constraints, linear, structure, sweep, model, rows, work })
     }
 
     fn add_cost(

@@ -1,6 +1,6 @@
 //! The problem as a nonlinear program.
 
-use super::{Constraint, Cost, MotionProblem, SampledTerm};
+use super::{Constraint, Cost, Model, MotionProblem, SampledTerm};
 use crate::WrongDerivative;
 use crate::term::{Node, Term};
 use crate::transcription::Transcription;
@@ -165,9 +165,9 @@ impl<T: Transcription> Nlp for MotionProblem<T> {
     }
 
     fn curvature(&self) -> Curvature {
-        if self.exact {
+        if self.model == Model::Exact {
             Curvature::Exact
-        } else if self.costs.iter().any(|cost| cost.loss.is_curved()) {
+        } else if self.model == Model::Terms || self.costs.iter().any(|cost| cost.loss.is_curved()) {
             Curvature::GaussNewton
         } else {
             Curvature::None
@@ -184,8 +184,9 @@ impl<T: Transcription> Nlp for MotionProblem<T> {
         if self.curvature() == Curvature::None {
             return Err(NoHessian.into());
         }
-        self.gauss_newton(cost_factor, hessian)?;
-        if self.exact {
+        let multipliers_of_terms = (self.model != Model::GaussNewton).then_some(multipliers);
+        self.gauss_newton(cost_factor, multipliers_of_terms, hessian)?;
+        if self.model == Model::Exact {
             self.seed_costs(cost_factor)?;
             self.seed_constraints(multipliers)?;
             let what =

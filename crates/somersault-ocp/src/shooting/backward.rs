@@ -244,7 +244,7 @@ impl<D: HybridDynamics> Shooting<D> {
                 stages[0][0][*dof] = state[0][*dof];
             }
         }
-        for s in (0..n_stages).rev() {
+        for s in (0..self.n_stages()).rev() {
             let of_node = (s == 0).then_some(&by.nodes[node]);
             self.pull_stage(node, s, phase, step, of_node, gradient);
             let Self { stages: motion, backward, passive, .. } = self;

@@ -91,14 +91,14 @@ impl<D: HybridDynamics> Shooting<D> {
 
     /// The weighted second derivatives at all stages.
     fn bend(&mut self, work: &mut Work) -> Result<(), EvaluationError> {
-        let Self { dynamics, stages, phases, scheme, .. } = self;
+        let n_stages = self.n_stages();
+        let Self { dynamics, stages, phases, .. } = self;
         let n = dynamics.dofs().n_velocities();
         let what = || EvaluationError::Undefined { what: "the second derivative of the dynamics".to_owned() };
         let dynamics = dynamics.second_derivatives().ok_or_else(what)?;
         for phase in phases {
             for step in 0..=phase.n_steps {
-                let n_stages = if step == phase.n_steps { 1 } else { scheme.n_stages() };
-                for s in 0..n_stages {
+                for s in 0..if step == phase.n_steps { 1 } else { n_stages } {
                     let i = stages.number(phase.first_node + step, s);
                     let (weights, size) = (&work.weights[i * n..(i + 1) * n], 9 * n * n);
                     let out = &mut work.stages[i * size..(i + 1) * size];

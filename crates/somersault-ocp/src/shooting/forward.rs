@@ -189,7 +189,7 @@ impl<D: HybridDynamics> Shooting<D> {
             let first = self.stages.number(prepared.first_node + step, 0);
             work.stages
                 .iter()
-                .take(self.scheme.n_stages())
+                .take(self.n_stages())
                 .enumerate()
                 .for_each(|(s, stage)| sum.add(first + s, stage.inputs()));
         }
@@ -219,7 +219,6 @@ impl<D: HybridDynamics> Shooting<D> {
         let point = self.point(step, 0);
         let duration = prepared.duration;
         let scale = [1.0, 1.0 / duration, 1.0 / (duration * duration)];
-        let first_row = self.parameter_row(segment);
         let by_duration = self.duration_row(segment);
         let values = self.stages.channels(self.stages.number(node, 0));
         let NodeTangent { channel, channel_rate, channel_second_rate, .. } = tangent;
@@ -227,7 +226,9 @@ impl<D: HybridDynamics> Shooting<D> {
             part.fill(0.0);
             for c in 0..prepared.table.n_channels() {
                 for entry in prepared.table.entries(point, c) {
-                    part[(first_row + entry.parameter, c)] = entry.values[d] * scale[d];
+                    if let Some(row) = segment.rows[entry.parameter] {
+                        part[(row, c)] = entry.values[d] * scale[d];
+                    }
                 }
                 if let Some((row, _)) = by_duration {
                     part[(row, c)] = -(d as f64) * values[d][c] / duration;
@@ -247,10 +248,6 @@ impl<D: HybridDynamics> Shooting<D> {
         }
     }
 
-    fn parameter_row(&self, segment: &Segment) -> usize {
-        segment.variables.partition_point(|v| *v < self.layout.parameters[segment.phase].start)
-    }
-
     /// What drives a stage and what is found there, from its passive state.
     fn push_stage(&self, segment: &Segment, step: usize, s: usize, stage: &mut Stage, torques: bool) {
         let prepared = &self.phases[segment.phase];
@@ -264,9 +261,9 @@ impl<D: HybridDynamics> Shooting<D> {
                 velocity.column_mut(*dof).fill(0.0);
             }
         }
-        let (point, first_row) = (self.point(step, s), self.parameter_row(segment));
+        let point = self.point(step, s);
         let base = &prepared.base;
-        push_forward(&prepared.table, base, point, prepared.duration, first_row, |row, joint, values| {
+        push_forward(&prepared.table, base, point, prepared.duration, &segment.rows, |row, joint, values| {
             let dof = self.driven[joint].0;
             if moves {
                 position[(row, dof)] += values[0];
@@ -307,7 +304,7 @@ impl<D: HybridDynamics> Shooting<D> {
         let velocities = std::array::from_fn(|i| self.stages.velocity(first + i.min(n_stages - 1)));
         let duration = self.duration_row(segment);
         let Work { state, stages, moving, along, .. } = work;
-        for (s, inner) in (1..n_stages).zip(tableau.stages) {
+        for (s, inner) in (1..self.n_stages()).zip(tableau.stages) {
             let transport = &self.stages.transports[first_move + s - 1];
             let step_to = Move { transport, factors: inner.factors, h, duration };
             step_to.push(&stages[inner.from].position, stages, velocities, &self.passive, moving, along);

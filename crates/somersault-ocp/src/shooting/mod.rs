@@ -93,8 +93,10 @@ struct Segment {
     gap: GroupTransport,
     /// First defect of the gap at the start.
     first_defect: usize,
-    /// Variables on which the nodes depend.
+    /// Variables on which the nodes depend: of the parameters those whose splines act there.
     variables: Vec<usize>,
+    /// Which of these each parameter of the phase is.
+    rows: Vec<Option<usize>>,
     /// Variables on which the gap at the start depends.
     gap_variables: Vec<usize>,
 }
@@ -267,9 +269,14 @@ impl<D: HybridDynamics> Shooting<D> {
             at
         };
         let durations = layout.durations[..=phase].iter().flatten().copied();
-        let mut variables: Vec<usize> =
-            state.chain(layout.parameters[phase].clone()).chain(durations).collect();
+        let per_step = self.scheme.points_per_step();
+        let points = steps.start * per_step..=steps.end * per_step;
+        let acting = self.phases[phase].table.acting(points, layout.parameters[phase].len());
+        let parameters =
+            layout.parameters[phase].clone().filter(|k| acting[k - layout.parameters[phase].start]);
+        let mut variables: Vec<usize> = state.chain(parameters).chain(durations).collect();
         variables.sort_unstable();
+        let rows = layout.parameters[phase].clone().map(|k| variables.binary_search(&k).ok()).collect();
         let before = self.segments.last().map_or(&[][..], |segment| &segment.variables);
         let mut gap_variables = [before, &variables].concat();
         gap_variables.sort_unstable();
@@ -288,6 +295,7 @@ impl<D: HybridDynamics> Shooting<D> {
             gap: GroupTransport::new(dofs),
             first_defect,
             variables,
+            rows,
             gap_variables,
         });
     }
@@ -300,6 +308,11 @@ impl<D: HybridDynamics> Shooting<D> {
     /// The system.
     pub fn dynamics(&self) -> &D {
         &self.dynamics
+    }
+
+    /// The positions at the start from which free ones, and those at lifted nodes, are displaced.
+    pub(crate) fn reference(&self) -> &[f64] {
+        &self.start.position
     }
 
     /// What the channels drive.

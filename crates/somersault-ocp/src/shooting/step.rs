@@ -18,6 +18,11 @@ impl Prepared {
 }
 
 impl<D: HybridDynamics> Shooting<D> {
+    /// Stages of a step that are evaluated. Where all joints move by splines nothing is integrated, and its node is enough.
+    pub(super) fn n_stages(&self) -> usize {
+        if self.passive.is_empty() { 1 } else { self.scheme.n_stages() }
+    }
+
     /// The segment to which a node belongs.
     pub(super) fn segment_of(&self, node: usize) -> usize {
         let first = |s: &super::Segment| self.phases[s.phase].first_node + s.steps.start;
@@ -86,7 +91,7 @@ impl<D: HybridDynamics> Shooting<D> {
         let h = self.phases[phase].step();
         let first = self.stages.number(node, 0);
         self.evaluate(node, 0, phase, step)?;
-        for (s, inner) in (1..).zip(tableau.stages) {
+        for (s, inner) in (1..self.n_stages()).zip(tableau.stages) {
             self.displacement(first, inner.factors, h);
             let Self { dynamics, stages, backward, .. } = self;
             let (from, to) = stages.positions_apart(first + inner.from, first + s);
@@ -247,7 +252,7 @@ impl<D: HybridDynamics> Shooting<D> {
             for node in first_node..=first_node + n_steps {
                 let last = node == first_node + n_steps;
                 let first = self.stages.number(node, 0);
-                for s in 0..if last { 1 } else { self.scheme.n_stages() } {
+                for s in 0..if last { 1 } else { self.n_stages() } {
                     let stage = self.stages.stage_mut(first + s);
                     self.dynamics.calc_diff(stage.position, stage.velocity, stage.known, stage.partials)?;
                 }

@@ -2,6 +2,7 @@
 
 use somersault_core::spline::MAX_DEGREE;
 use somersault_multibody::joint_motion::{EigenpostureBase, SplineMotion};
+use std::ops::RangeInclusive;
 
 /// For each fraction and channel the parameters that act there, with the basis functions and their first two derivatives by
 /// the fraction; conditions at the ends are part of them.
@@ -62,6 +63,17 @@ impl Table {
         table
     }
 
+    /// Which of `n` parameters act at any of the points.
+    pub(super) fn acting(&self, points: RangeInclusive<usize>, n: usize) -> Vec<bool> {
+        let mut acting = vec![false; n];
+        for point in points {
+            for channel in 0..self.n_channels {
+                self.entries(point, channel).iter().for_each(|entry| acting[entry.parameter] = true);
+            }
+        }
+        acting
+    }
+
     pub(super) fn n_channels(&self) -> usize {
         self.n_channels
     }
@@ -101,24 +113,25 @@ impl Table {
 }
 
 /// Adds to column `joint` of each of three sets of tangents what the parameters do to the joints: positions, velocities
-/// and accelerations, or forces alone.
+/// and accelerations, or forces alone. `rows` are those of the parameters.
 pub(super) fn push_forward(
     table: &Table,
     base: &EigenpostureBase,
     point: usize,
     duration: f64,
-    first_row: usize,
+    rows: &[Option<usize>],
     mut add: impl FnMut(usize, usize, [f64; 3]),
 ) {
     let directions = base.directions();
     let scale = [1.0, 1.0 / duration, 1.0 / (duration * duration)];
     for channel in 0..table.n_channels() {
         for entry in table.entries(point, channel) {
+            let Some(row) = rows[entry.parameter] else { continue };
             let values: [f64; 3] = std::array::from_fn(|d| entry.values[d] * scale[d]);
             for joint in 0..base.n_joints() {
                 let direction = directions[(joint, channel)];
                 if direction != 0.0 {
-                    add(first_row + entry.parameter, joint, values.map(|x| x * direction));
+                    add(row, joint, values.map(|x| x * direction));
                 }
             }
         }

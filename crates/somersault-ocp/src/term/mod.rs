@@ -13,14 +13,17 @@ mod displacement;
 mod entries;
 mod function;
 mod momentum;
+mod number;
 
 pub use body::{AxisDirection, BodyOrientation, PointPosition};
 pub use displacement::Displacement;
 pub use entries::{Entries, Part};
 pub use function::{Function, UserError, wrong_derivative};
 pub use momentum::{Momentum, MomentumPart};
+pub use number::NodeNumber;
 
 use crate::WrongDerivative;
+use nalgebra::DMatrix;
 use somersault_nlp::EvaluationError;
 
 /// A motion at one time, all of it, as a transcription leaves it.
@@ -107,11 +110,25 @@ pub trait Term: Send {
         gradient: &mut NodeGradient,
     ) -> Result<(), EvaluationError>;
 
+    /// Its second derivatives, where it is curved and has them.
+    fn second_derivatives(&mut self) -> Option<&mut dyn TermSecondDerivatives> {
+        None
+    }
+
     /// An entry of the gradient that differences contradict at a node, where it is one that a user wrote and can be compared; see
     /// [`wrong_derivative`].
     fn wrong_derivative(&mut self, _node: &Node<'_>) -> Result<Option<WrongDerivative>, EvaluationError> {
         Ok(None)
     }
+}
+
+/// Second derivatives of a [`Term`].
+pub trait TermSecondDerivatives {
+    /// The numbers of a node that it depends on.
+    fn numbers(&self) -> &[NodeNumber];
+
+    /// Σ y_i ∂²r_i by these numbers, symmetric.
+    fn weighted(&mut self, node: &Node<'_>, y: &[f64]) -> Result<&DMatrix<f64>, EvaluationError>;
 }
 
 #[deny(clippy::missing_trait_methods)]
@@ -139,6 +156,10 @@ impl<T: Term + ?Sized> Term for Box<T> {
         gradient: &mut NodeGradient,
     ) -> Result<(), EvaluationError> {
         (**self).pull_back(node, y, gradient)
+    }
+
+    fn second_derivatives(&mut self) -> Option<&mut dyn TermSecondDerivatives> {
+        (**self).second_derivatives()
     }
 
     fn wrong_derivative(&mut self, node: &Node<'_>) -> Result<Option<WrongDerivative>, EvaluationError> {

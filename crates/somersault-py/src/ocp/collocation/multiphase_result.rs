@@ -30,6 +30,7 @@ fn of_phase(report: &CollocationReport, k: usize) -> CollocationReport {
         program: report.program.clone(),
         wrong_derivative: report.wrong_derivative.clone(),
         relative_errors: report.relative_errors,
+        origin: report.origin.clone(),
     }
 }
 

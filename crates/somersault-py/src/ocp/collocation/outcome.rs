@@ -110,6 +110,7 @@ impl CollocationOutcome {
     #[getter]
     pub(super) fn message(&self) -> String {
         let defect = self.max_defect();
+        let origin = Some(&self.report.origin).filter(|origin| !origin.is_empty()).cloned();
         let said = match self.report.status {
             CollocationStatus::Converged => {
                 format!("converged and confirmed: on re-integration the largest defect is {defect:.1e}")
@@ -127,7 +128,8 @@ impl CollocationOutcome {
             CollocationStatus::NotSolved(status) => {
                 let said = format!("the program of the last mesh was not solved: {}", status.message());
                 let wrong = self.report.wrong_derivative.as_ref();
-                return wrong.map_or(said.clone(), |wrong| format!("{said}. {LIKELY}{wrong}"));
+                let said = wrong.map_or(said.clone(), |wrong| format!("{said}. {LIKELY}{wrong}"));
+                return origin.map_or(said.clone(), |origin| format!("{said}. {origin}"));
             }
             CollocationStatus::NoMinimum => {
                 "no minimum: the cost still falls along a free time, which runs away; bound the duration \
@@ -147,7 +149,7 @@ impl CollocationOutcome {
         });
         let violation = self.report.confirmation.violation_sentence(self.tol);
         let wrong = self.report.wrong_derivative.as_ref().map(|wrong| format!("{LIKELY}{wrong}"));
-        let more: Vec<String> = wrong.into_iter().chain(differenced).chain(violation).collect();
+        let more: Vec<String> = wrong.into_iter().chain(differenced).chain(violation).chain(origin).collect();
         if more.is_empty() { said } else { format!("{said}. {}", more.join(" ")) }
     }
 }

@@ -8,9 +8,7 @@ use crate::core::error::Error;
 use crate::multibody::model::Model;
 use pyo3::prelude::*;
 use somersault::core::cancel::CancellationToken;
-use somersault::ocp::collocation::{
-    CollocationError, Guess, Interval, Phase, Problem, Stacked, TreeDynamics, VectorFunction,
-};
+use somersault::ocp::collocation::{CollocationError, Guess, Interval, Phase, Problem, TreeDynamics};
 use std::sync::Arc;
 
 /// What `ControlProblem` is made of, once its functions are traced.
@@ -74,13 +72,8 @@ impl TracedPhase {
                     .terms_with_derivatives(self.path.built(token)?, self.ends.built(token)?)
             }
             Dynamics::Tree { dynamics, further } => {
-                let (n, all) = (dynamics.n_states(), further.function.n_inputs() - further.n_returned());
-                let first = n + further.function.n_outputs();
-                let tree: Box<dyn VectorFunction> = Box::new(TreeDynamics::clone(dynamics));
-                let places = (0..n).chain(first..first + m).collect();
-                let further = (further.built(token)?, (0..all).collect());
-                let stacked = Stacked::new(vec![(tree, places), further]);
-                Phase::with_derivatives(Box::new(stacked), m, n_parameters, ())
+                let tree = TreeDynamics::clone(dynamics);
+                Phase::of_tree_with(tree, further.built(token)?, n_parameters, ())
                     .terms_with_derivatives(self.path.built(token)?, self.ends.built(token)?)
             }
         };

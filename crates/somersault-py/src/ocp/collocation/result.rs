@@ -132,7 +132,8 @@ value! {
         /// ndarray, shape (n, n_controls): Controls at the times but the last, which is not a collocation point; `control` gives
         /// them at any time.
         u: PyResult<Bound<'py, PyAny>> = |own, py| table(py, &own.phase().controls);
-        /// ndarray, shape (n + 1, n_states): Costates λ, the change of the lowest cost from there on with the state.
+        /// ndarray, shape (n + 1, n_states): Costates λ, the change of the lowest cost from there on with the state; NaN of splines, which
+        /// have none.
         costates: PyResult<Bound<'py, PyAny>> = |own, py| table(py, &own.phase().costates);
         /// ndarray, shape (n,): Hamiltonian L + λᵀ ẋ.
         hamiltonian: Bound<'py, PyAny> =
@@ -224,8 +225,8 @@ impl CollocationResult {
         self.at(py, t, PhaseSolution::costate)
     }
 
-    /// list of dict: All meshes: ``n_intervals``, ``n_points``, ``is_start`` (whether minimum effort on a fixed horizon was sought for
-    /// a start, with no estimated errors), ``cost``, estimated errors, relative, of the states (``error``),
+    /// list of dict: All meshes: ``n_intervals``, ``n_points``, ``is_start`` (whether splines, or minimum effort on a fixed
+    /// horizon, were sought for a start, with no estimated errors), ``cost``, estimated errors, relative, of the states (``error``),
     /// the cost (``cost_error``), the costates (``costate_error``) and the Hamiltonian (``hamiltonian_error``), the ``violation`` of
     /// bounds of states between the points, ``status`` of the program, ``nit`` and ``seconds``.
     #[getter]
@@ -295,13 +296,14 @@ impl CollocationResult {
             report.history.iter().map(tried).collect::<Vec<_>>(),
             Report { report: report.program.clone(), verifier: None, wrong_derivative: None },
             remarks,
+            report.origin.clone(),
         );
         by_restore(slf, arguments)
     }
 
     /// A pickled result.
     #[classmethod]
-    #[pyo3(signature = (model, subject, outcome, on_mesh, tables, hamiltonian, integrated, history, program, remarks=None))]
+    #[pyo3(signature = (model, subject, outcome, on_mesh, tables, hamiltonian, integrated, history, program, remarks=None, origin=None))]
     fn _restore(
         cls: &Bound<'_, PyType>,
         model: Option<&Bound<'_, Model>>,
@@ -314,6 +316,7 @@ impl CollocationResult {
         history: Vec<Tried>,
         program: &Bound<'_, Report>,
         remarks: Option<Remarks>,
+        origin: Option<String>,
     ) -> Result<Py<Self>, Error> {
         let (wrong, [values, derivatives]) = remarks.unwrap_or_default();
         let (status, cost, tol) = outcome;
@@ -383,6 +386,7 @@ impl CollocationResult {
                 WrongDerivative { function, derivative, entry, found, expected, place }
             }),
             relative_errors: RelativeErrors { values, derivatives },
+            origin: origin.unwrap_or_default(),
         };
         Ok(Self::of(cls.py(), report, subject, tol)?)
     }

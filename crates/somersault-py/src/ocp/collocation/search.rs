@@ -12,6 +12,7 @@ use somersault::nlp::{Flow, Iteration, Sqp, Status};
 use somersault::ocp::collocation::{
     Collocation, CollocationError, CollocationReport, CollocationStatus, Mesh, Problem, SearchError,
 };
+use somersault::ocp::ways::{Found, Solver, Splines, StartFrom, Way};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -73,6 +74,7 @@ impl Settings {
 /// How one search is to go.
 pub(super) struct SearchOptions<'a, 'py> {
     pub(super) settings: Settings,
+    pub(super) way: Way,
     /// Where the search starts, if it is no guess.
     pub(super) solution: Option<Arc<CollocationReport>>,
     pub(super) max_time: Option<f64>,
@@ -87,44 +89,61 @@ impl SearchOptions<'_, '_> {
         py: Python<'_>,
         n_phases: usize,
         problem: impl FnOnce(&Arc<CancellationToken>) -> Result<Problem, Error>,
-        result: impl FnOnce(CollocationReport) -> Result<Py<R>, Error>,
+        result: impl FnOnce(Found) -> Result<Py<R>, Error>,
     ) -> Result<Py<R>, Error> {
         let returned = returns_interrupted(self.on_interrupt)?;
         let (collocation, mesh) = self.settings.collocation(duration(self.max_time)?)?;
         let token = Arc::new(CancellationToken::with_deadline(deadline(self.max_time)?));
-        let again = self.solution.filter(|_| self.settings.keeps_mesh());
+        let (way, keeps_mesh) = (self.way, self.settings.keeps_mesh());
+        let again = self.solution.filter(|_| keeps_mesh);
         let meshes = vec![mesh; n_phases];
         let (mut problem, mut watcher) = (problem(&token)?, Watcher::new(self.callback)?);
         let named = |error: CollocationError| Error::from(error).with_names(&NAMES);
         let collocation = collocation.try_with_errors(problem.relative_errors()).map_err(named)?;
+        let solver = Solver { way, splines: splines(&collocation), collocation };
         let search = move |token: &CancellationToken| {
             let mut look = |iteration: &Iteration<'_>| -> Flow {
                 if token.is_cancelled() { Flow::Stop } else { watcher.look(iteration) }
             };
-            let found = match again {
-                Some(solution) => collocation.solve_again(&mut problem, &solution, &mut look, token),
-                None => collocation.solve_cancellable(&mut problem, &meshes, &mut look, token),
+            let from = match &again {
+                Some(solution) => StartFrom::Solution(solution),
+                None if keeps_mesh => StartFrom::Guess,
+                None => StartFrom::Meshes(&meshes),
             };
-            (found, watcher)
+            (solver.solve(&mut problem, from, &mut look, token), watcher)
         };
         let ((found, mut watcher), raised) = attend_or_leave_by(py, PATIENCE, token.clone(), search)?;
         watcher.hears(raised);
-        let mut report = match found {
-            Ok(report) => report,
+        let mut found = match found {
+            Ok(found) => found,
             Err(SearchError::Failed { source, report }) => {
                 let error = PyErr::from(Error::failed(source));
-                return Err(with_solution(py, error, result(*report)?));
+                return Err(with_solution(py, error, result(Found { report: *report, polished: None })?));
             }
             Err(SearchError::Collocation(error)) => return Err(named(error)),
         };
         if watcher.is_interrupted(py) {
-            ended_by(&mut report, Status::Interrupted);
+            ended_by(&mut found.report, Status::Interrupted);
         } else if token.has_expired() {
-            ended_by(&mut report, Status::TimeLimit);
+            ended_by(&mut found.report, Status::TimeLimit);
         }
-        let result = result(report)?;
+        let result = result(found)?;
         deliver(py, watcher.into_raised(), returned, result)
     }
+}
+
+/// Splines whose programs have the limits of those of collocation.
+fn splines(collocation: &Collocation) -> Splines {
+    let (default, of_meshes) = (Splines::default(), &collocation.solver);
+    let solver = Sqp {
+        stationarity_tol: default.solver.stationarity_tol.max(of_meshes.stationarity_tol),
+        feasibility_tol: default.solver.feasibility_tol.max(of_meshes.feasibility_tol),
+        complementarity_tol: default.solver.complementarity_tol.max(of_meshes.complementarity_tol),
+        max_iterations: of_meshes.max_iterations,
+        max_time: of_meshes.max_time,
+        ..default.solver
+    };
+    Splines { solver, ..default }
 }
 
 /// A search that was stopped for another reason than its callback's.

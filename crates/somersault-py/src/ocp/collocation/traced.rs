@@ -18,6 +18,7 @@ use somersault::ocp::collocation::{
     CollocationReport, CollocationStatus, End, Guess, Interval, Linkage, PhaseSolution, Place, Problem,
     Quantity, distinct, ranked,
 };
+use somersault::ocp::ways::{Found, Way};
 use std::sync::Arc;
 
 /// What `ControlProblem` and `MultiphaseProblem` pose, once functions are traced.
@@ -27,6 +28,19 @@ pub(crate) struct TracedProblem {
     horizons: Vec<[Interval; 2]>,
     /// None for a problem of one phase, whose result is that of the phase.
     linkages: Option<Vec<Linkage>>,
+}
+
+/// The way of that name.
+fn way(method: &str) -> Result<Way, Error> {
+    match method {
+        "auto" => Ok(Way::Auto),
+        "shooting" => Ok(Way::Shooting),
+        "collocation" => Ok(Way::Collocation),
+        "indirect" => Ok(Way::Indirect),
+        other => Err(Error::input(format!(
+            "`method` must be 'auto', 'shooting', 'collocation' or 'indirect', found '{other}'"
+        ))),
+    }
 }
 
 /// Starts of a search, at most.
@@ -102,6 +116,34 @@ impl TracedProblem {
             .map_err(|error| named(error.into()))
     }
 
+    /// Refuses what has no graph of its dynamics.
+    fn expect_traced(&self, what: &str) -> Result<(), Error> {
+        for phase in &self.phases {
+            let phase = phase.get();
+            if phase.subject.model.is_some() {
+                return Err(Error::input(format!(
+                    "`dynamics` must be a function for `{what}`, found a Model"
+                )));
+            }
+            if let Some(name) = phase.untraced().next() {
+                return Err(Error::input(format!(
+                    "`dynamics`, costs and constraints must be traced for `{what}`, found the ExternalFunction `{name}`"
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    /// What was polished as Python sees it.
+    fn polished(&self, py: Python<'_>, found: Found, tol: f64) -> Result<Py<PolishResult>, Error> {
+        let subject = self.phases[0].get().subject.clone();
+        let Found { report, polished } = found;
+        let polished =
+            polished.unwrap_or_else(|| Polished::refused(&report, "the search was stopped before"));
+        let found = CollocationResult::of(py, report, subject.clone(), tol)?;
+        Ok(Py::new(py, PolishResult { polished, found, subject, ended: None })?)
+    }
+
     /// A report as what Python sees of it: of one phase, or of several.
     fn result(
         &self,
@@ -151,7 +193,8 @@ impl TracedProblem {
     /// As `ControlProblem.solve` and `MultiphaseProblem.solve`, from a result, or from guesses by times, states, controls and
     /// parameters.
     #[pyo3(signature = (
-        start, tol, n_intervals, n_points, max_meshes, max_iterations, max_evaluations, max_time, callback, on_interrupt
+        start, tol, n_intervals, n_points, max_meshes, max_iterations, max_evaluations, max_time, callback, on_interrupt,
+        method = "auto"
     ))]
     fn solve(
         &self,
@@ -166,13 +209,21 @@ impl TracedProblem {
         max_time: Option<f64>,
         callback: Option<&Bound<'_, PyAny>>,
         on_interrupt: &str,
-    ) -> Result<Py<CollocationOutcome>, Error> {
+        method: &str,
+    ) -> Result<Py<PyAny>, Error> {
+        let way = way(method)?;
         let (guesses, solution) = start.read();
         let sizes = [n_intervals, n_points];
         let settings = Settings { tol, sizes, max_meshes, max_iterations, max_evaluations };
-        let options = SearchOptions { settings, solution, max_time, callback, on_interrupt };
+        let options = SearchOptions { settings, way, solution, max_time, callback, on_interrupt };
         let problem = |token: &Arc<CancellationToken>| self.problem(guesses, token);
-        options.run(py, self.phases.len(), problem, |report| self.result(py, report, tol))
+        if way == Way::Indirect {
+            self.expect_traced("method='indirect'")?;
+            let result = |found: Found| self.polished(py, found, tol);
+            return Ok(options.run(py, self.phases.len(), problem, result)?.into_any());
+        }
+        let result = |found: Found| self.result(py, found.report, tol);
+        Ok(options.run(py, self.phases.len(), problem, result)?.into_any())
     }
 
     /// As `ControlProblem.search` and `MultiphaseProblem.search`.
@@ -307,11 +358,7 @@ impl TracedProblem {
     ) -> Result<PolishResult, Error> {
         let (report, phase) = (&found.get().report, self.phases[0].get());
         let subject = phase.subject.clone();
-        if let Some(name) = phase.untraced().next() {
-            return Err(Error::input(format!(
-                "`dynamics`, costs and constraints must be traced for `polish`, found the ExternalFunction `{name}`"
-            )));
-        }
+        self.expect_traced("polish")?;
         let cancellation = Cancellation::at(deadline(max_time)?);
         let guess = found.get().phase().to_guess();
         let mut polish = Polish::default();

@@ -1,0 +1,158 @@
+//! ẋ = f(x, u, p, t) for shooting.
+//!
+//! A first-order system is one of second order whose forces do not depend on its positions: x, p and t are velocities, with
+//! the accelerations f, 0 and 1, and u are the forces of degrees of freedom that do not move.
+
+use crate::collocation::{Shared, VectorFunction};
+use crate::dynamics::{Dofs, HybridDynamics, HybridSecondDerivatives};
+use nalgebra::{DMatrix, Matrix6};
+use somersault_nlp::EvaluationError;
+
+/// Equations of motion whose controls are forces.
+pub(super) struct FirstOrder {
+    function: Shared,
+    /// Lengths of x, p and u.
+    sizes: [usize; 3],
+    dofs: Dofs,
+    arguments: Vec<f64>,
+    jacobian: DMatrix<f64>,
+    hessian: DMatrix<f64>,
+    weights: Vec<f64>,
+}
+
+impl FirstOrder {
+    pub(super) fn new(function: Shared, n: usize, n_parameters: usize, n_controls: usize) -> Self {
+        let all = n + n_parameters + 1 + n_controls;
+        Self {
+            sizes: [n, n_parameters, n_controls],
+            dofs: Dofs {
+                n_positions: all,
+                active: vec![false; all],
+                positions: (0..all).map(Some).collect(),
+                groups: Vec::new(),
+            },
+            arguments: vec![0.0; all],
+            jacobian: DMatrix::zeros(n, all),
+            hessian: DMatrix::zeros(all, all),
+            weights: vec![0.0; n],
+            function,
+        }
+    }
+
+    /// The degrees of freedom whose forces are u.
+    pub(super) fn controls(&self) -> std::ops::Range<usize> {
+        let [n, n_parameters, n_controls] = self.sizes;
+        let first = n + n_parameters + 1;
+        first..first + n_controls
+    }
+
+    /// The degree of freedom that argument `a` of f is the velocity or the force of, and whether it is the force.
+    fn place(&self, a: usize) -> (usize, bool) {
+        let [n, _, m] = self.sizes;
+        match a {
+            _ if a < n => (a, false),
+            _ if a < n + m => (self.controls().start + a - n, true),
+            _ => (a - m, false),
+        }
+    }
+
+    fn gather(&mut self, v: &[f64], known: &[f64]) {
+        for a in 0..self.arguments.len() {
+            let (dof, is_force) = self.place(a);
+            self.arguments[a] = if is_force { known[dof] } else { v[dof] };
+        }
+    }
+}
+
+impl HybridDynamics for FirstOrder {
+    fn dofs(&self) -> &Dofs {
+        &self.dofs
+    }
+
+    fn calc(
+        &mut self,
+        _q: &[f64],
+        v: &[f64],
+        known: &[f64],
+        found: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        self.gather(v, known);
+        let [n, n_parameters, _] = self.sizes;
+        found.fill(0.0);
+        found[n + n_parameters] = 1.0;
+        self.function.evaluate(&self.arguments, &mut found[..n])
+    }
+
+    fn calc_diff(
+        &mut self,
+        _q: &[f64],
+        v: &[f64],
+        known: &[f64],
+        partials: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        self.gather(v, known);
+        self.function.jacobian(&self.arguments, &mut self.jacobian)?;
+        let (n, all) = (self.sizes[0], self.arguments.len());
+        partials.fill(0.0);
+        for (a, column) in self.jacobian.column_iter().enumerate() {
+            let (dof, is_force) = self.place(a);
+            let first = (if is_force { 2 } else { 1 }) * all * all + dof * all;
+            partials[first..first + n].iter_mut().zip(column.iter()).for_each(|(to, x)| *to = *x);
+        }
+        Ok(())
+    }
+
+    fn second_derivatives(&mut self) -> Option<&mut dyn HybridSecondDerivatives> {
+        Some(self)
+    }
+
+    fn displace(&self, q: &[f64], d: &[f64], out: &mut [f64]) -> Result<(), EvaluationError> {
+        out.iter_mut().zip(q.iter().zip(d)).for_each(|(out, (q, d))| *out = q + d);
+        Ok(())
+    }
+
+    fn difference(&self, from: &[f64], to: &[f64], out: &mut [f64]) -> Result<(), EvaluationError> {
+        out.iter_mut().zip(from.iter().zip(to)).for_each(|(out, (from, to))| *out = to - from);
+        Ok(())
+    }
+
+    fn displacement_maps(&self, _group: usize, _d: &[f64]) -> [Matrix6<f64>; 2] {
+        [Matrix6::identity(); 2]
+    }
+}
+
+impl HybridSecondDerivatives for FirstOrder {
+    fn add_second_derivatives(
+        &mut self,
+        _q: &[f64],
+        v: &[f64],
+        known: &[f64],
+        weights: &[f64],
+        out: &mut [f64],
+    ) -> Result<(), EvaluationError> {
+        self.gather(v, known);
+        self.weights.copy_from_slice(&weights[..self.sizes[0]]);
+        self.hessian.fill(0.0);
+        self.function.add_hessian(&self.arguments, &self.weights, &mut self.hessian)?;
+        let all = self.arguments.len();
+        for b in 0..all {
+            let column = self.row_of(b);
+            for a in 0..=b {
+                let (row, value) = (self.row_of(a), self.hessian[(a, b)]);
+                out[column * 3 * all + row] += value;
+                if a != b {
+                    out[row * 3 * all + column] += value;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+impl FirstOrder {
+    /// The place of argument `a` in (q, v, known).
+    fn row_of(&self, a: usize) -> usize {
+        let (dof, is_force) = self.place(a);
+        (if is_force { 2 } else { 1 }) * self.arguments.len() + dof
+    }
+}

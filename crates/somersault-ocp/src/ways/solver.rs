@@ -1,0 +1,386 @@
+//! Which way a problem is solved, and how one forwards its motion to the next.
+
+use super::pose::{STEPS, tree_of};
+use super::splines::{Failure, SplineMotionReport, Splines};
+use crate::arcs::{Polish, Polished, Verdict};
+use crate::collocation::{
+    Accuracy, Collocation, CollocationError, CollocationReport, CollocationStatus, Confirmation, Interval,
+    Mesh, MeshRecord, NO_MOTION, Phase, Problem, SearchError, USABLE, confirm_cancellable, is_ended,
+};
+use somersault_core::cancel::CancellationToken;
+use somersault_nlp::{Flow, Iteration, Status};
+
+/// Driven joints of a tree from which on splines come first.
+const SEVERAL: usize = 3;
+/// Points of collocation in each interval of the splines that it starts from: their motion is exact there.
+const POINTS: usize = 5;
+/// Relative change of the cost of splines from which on halving their intervals is no better start.
+const SETTLED: f64 = 0.02;
+/// Tolerances of the collocation solutions that arcs are sought in, one after the other.
+const COARSE: [f64; 2] = [1e-4, 1e-7];
+/// A first mesh where none is given: intervals, and points of each.
+const FIRST_MESH: (usize, usize) = (20, 3);
+
+/// How a problem is solved.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[non_exhaustive]
+pub enum Way {
+    /// By collocation, which starts from splines where these are likely to help.
+    #[default]
+    Auto,
+    /// By splines, of joints or of controls.
+    Shooting,
+    /// By collocation, from the guess.
+    Collocation,
+    /// By collocation, and from its arcs by multiple shooting of states and costates.
+    Indirect,
+}
+
+/// Solves a problem in one of the ways, or in one after the other.
+#[derive(Debug, Clone)]
+pub struct Solver {
+    /// Which.
+    pub way: Way,
+    /// Splines; the tolerance is that of the collocation.
+    pub splines: Splines,
+    /// Collocation. Its evaluations are those of all ways together.
+    pub collocation: Collocation,
+}
+
+impl Default for Solver {
+    fn default() -> Self {
+        Self { way: Way::Auto, splines: Splines::default(), collocation: Collocation::default() }
+    }
+}
+
+/// What was found.
+#[derive(Debug)]
+pub struct Found {
+    /// The motion, with the verdict of the way that ended the search.
+    pub report: CollocationReport,
+    /// The extremal, where it was sought.
+    pub polished: Option<Polished>,
+}
+
+/// Where a search starts, beside the guesses of the phases.
+#[derive(Debug, Clone, Copy)]
+pub enum StartFrom<'a> {
+    /// There, on a mesh that the search chooses.
+    Guess,
+    /// There, on meshes that are given, one for each phase.
+    Meshes(&'a [Mesh]),
+    /// At the solution of a like problem.
+    Solution(&'a CollocationReport),
+}
+
+/// What a search looks at, and what it may still evaluate.
+struct Run<'a> {
+    from: StartFrom<'a>,
+    on_iteration: &'a mut dyn FnMut(&Iteration<'_>) -> Flow,
+    token: &'a CancellationToken,
+    left: Option<usize>,
+}
+
+impl Solver {
+    /// Solves. `on_iteration` sees each step of each program, and ends the search by [`Flow::Stop`]; the token is looked at
+    /// between programs and in what follows them.
+    pub fn solve(
+        &self,
+        problem: &mut Problem,
+        from: StartFrom<'_>,
+        on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
+        token: &CancellationToken,
+    ) -> Result<Found, SearchError> {
+        let mut run = Run { from, on_iteration, token, left: self.collocation.max_evaluations };
+        match self.way {
+            Way::Collocation => self.collocate(problem, &self.collocation, &mut run).map(Found::of),
+            Way::Auto => self.choose(problem, &self.collocation, &mut run).map(Found::of),
+            Way::Shooting => self.shoot(problem, &mut run).map(Found::of),
+            Way::Indirect => self.polish(problem, &mut run),
+        }
+    }
+
+    fn collocate(
+        &self,
+        problem: &mut Problem,
+        collocation: &Collocation,
+        run: &mut Run<'_>,
+    ) -> Result<CollocationReport, SearchError> {
+        let collocation = Collocation { max_evaluations: run.left, ..collocation.clone() };
+        match run.from {
+            StartFrom::Solution(solution) => {
+                collocation.solve_again(problem, solution, run.on_iteration, run.token)
+            }
+            StartFrom::Meshes(meshes) => {
+                collocation.solve_cancellable(problem, meshes, run.on_iteration, run.token)
+            }
+            StartFrom::Guess => {
+                let mesh = Mesh::try_uniform(FIRST_MESH.0, FIRST_MESH.1)?;
+                let meshes = vec![mesh; problem.n_phases()];
+                collocation.solve_cancellable(problem, &meshes, run.on_iteration, run.token)
+            }
+        }
+    }
+
+    /// Splines first where the phase is one of several driven joints and nothing says where to start.
+    fn choose(
+        &self,
+        problem: &mut Problem,
+        collocation: &Collocation,
+        run: &mut Run<'_>,
+    ) -> Result<CollocationReport, SearchError> {
+        let has_start =
+            matches!(run.from, StartFrom::Solution(_)) || problem.phases.iter().any(Phase::is_guessed);
+        let [phase] = &problem.phases[..] else { return self.collocate(problem, collocation, run) };
+        let starts = !has_start && is_chain(phase);
+        if !starts {
+            return self.collocate(problem, collocation, run);
+        }
+        problem.expect_derivatives()?;
+        let n_joints = problem.phases[0].n_controls();
+        let (splines, records) = match self.start_of_splines(problem, run) {
+            Ok(started) => started,
+            // what has no value along splines may have one along straight lines
+            Err(
+                CollocationError::NoSplines(_)
+                | CollocationError::Solver(_)
+                | CollocationError::Evaluation(_),
+            ) => return self.collocate(problem, collocation, run),
+            Err(error) => return Err(error.into()),
+        };
+        let status = splines.program.status;
+        let is_motion = splines.program.residuals.feasibility <= USABLE;
+        if splines.failure.is_some() || is_ended(status) || run.token.is_cancelled() {
+            let mut report = ended(problem, splines, run.token)?;
+            report.history = records;
+            return Ok(report);
+        }
+        let cost = splines.program.cost;
+        let mut found = if is_motion {
+            let mesh = [splines.solution.mesh().clone()];
+            let before = problem.phases[0].exchange_start(splines.solution.to_guess())?;
+            let meshes = if let StartFrom::Meshes(meshes) = run.from { meshes } else { &mesh };
+            let from = std::mem::replace(&mut run.from, StartFrom::Guess);
+            let mut resolved = Run {
+                from: StartFrom::Meshes(meshes),
+                on_iteration: &mut *run.on_iteration,
+                token: run.token,
+                left: run.left,
+            };
+            let found = self.collocate(problem, collocation, &mut resolved);
+            run.from = from;
+            problem.phases[0].restore_start(before);
+            found?
+        } else {
+            self.collocate(problem, collocation, run)?
+        };
+        found.origin = format!(
+            "With {n_joints} driven joints the search began with splines of these, whose motions have no defects: {}",
+            if is_motion {
+                format!("collocation started from theirs, which costs {cost:.6}")
+            } else {
+                format!("they found no motion ({}), and collocation started from the guess", status.message())
+            }
+        );
+        found.history.splice(0..0, records);
+        Ok(found)
+    }
+
+    /// Splines of intervals that are halved until the cost settles, and a record of each.
+    fn start_of_splines(
+        &self,
+        problem: &Problem,
+        run: &mut Run<'_>,
+    ) -> Result<(SplineMotionReport, Vec<MeshRecord>), CollocationError> {
+        let splines = self.splines.for_a_start();
+        let (mut n_intervals, mut records) = (splines.n_intervals, Vec::new());
+        let mut best: Option<SplineMotionReport> = None;
+        loop {
+            let guess = best.as_ref().map(|before| before.solution.to_guess());
+            let found = splines.solve(
+                problem,
+                n_intervals,
+                guess.as_ref(),
+                POINTS,
+                run.on_iteration,
+                &mut run.left,
+            )?;
+            records.push(record_of(&found, Accuracy::UNKNOWN));
+            let status = found.program.status;
+            let change =
+                best.as_ref().map_or(f64::INFINITY, |before| before.program.cost - found.program.cost);
+            let has_settled = change.abs() <= SETTLED * found.program.cost.abs();
+            let is_over = found.failure.is_some() || is_ended(status) || run.token.is_cancelled();
+            if is_over || has_settled || records.len() > splines.max_halvings {
+                return Ok((found, records));
+            }
+            best = Some(found);
+            n_intervals *= 2;
+        }
+    }
+
+    /// Splines alone, of intervals that are halved until the cost settles.
+    fn shoot(&self, problem: &mut Problem, run: &mut Run<'_>) -> Result<CollocationReport, SearchError> {
+        problem.expect_derivatives()?;
+        let tolerance = self.collocation.tolerance;
+        let mut guess = match run.from {
+            StartFrom::Solution(solution) => solution.phases.first().map(|phase| phase.to_guess()),
+            StartFrom::Guess | StartFrom::Meshes(_) => None,
+        };
+        let (mut history, mut previous) = (Vec::new(), None);
+        let mut n_intervals = self.splines.n_intervals;
+        loop {
+            let found = self.splines.solve(
+                problem,
+                n_intervals,
+                guess.as_ref(),
+                STEPS + 1,
+                run.on_iteration,
+                &mut run.left,
+            )?;
+            let status = found.program.status;
+            if found.failure.is_some()
+                || is_ended(status)
+                || run.token.is_cancelled()
+                || !status.is_converged()
+            {
+                let mut report = ended(problem, found, run.token)?;
+                history.append(&mut report.history);
+                return Ok(CollocationReport { history, ..report });
+            }
+            let confirmation =
+                confirm_cancellable(problem, std::slice::from_ref(&found.solution), run.token)?;
+            let cost = found.program.cost;
+            let size = cost.abs().max(1.0);
+            let change = previous.map_or(f64::INFINITY, |before: f64| (cost - before).abs());
+            let accuracy = Accuracy {
+                equations: confirmation.max_defect(),
+                cost: change.max((cost - confirmation.cost).abs()) / size,
+                violation: confirmation.max_violation(),
+                ..Accuracy::default()
+            };
+            history.push(record_of(&found, accuracy));
+            let is_met = accuracy.meets(tolerance);
+            if is_met || run.token.is_cancelled() || history.len() > self.splines.max_halvings {
+                let status = if run.token.is_cancelled() {
+                    CollocationStatus::NotSolved(cut(run.token))
+                } else if accuracy.equations > NO_MOTION {
+                    CollocationStatus::FalseConvergence
+                } else if is_met {
+                    CollocationStatus::Converged
+                } else {
+                    CollocationStatus::MeshLimit
+                };
+                let mut report = report_of(problem, found, status, confirmation);
+                report.history = history;
+                return Ok(report);
+            }
+            previous = Some(cost);
+            guess = Some(found.solution.to_guess());
+            n_intervals *= 2;
+        }
+    }
+
+    /// Collocation that is coarse, then finer where no arcs were found, and polish.
+    fn polish(&self, problem: &mut Problem, run: &mut Run<'_>) -> Result<Found, SearchError> {
+        let mut found: Option<Found> = None;
+        for tolerance in COARSE {
+            let report = match &found {
+                None => {
+                    let coarse = Collocation { tolerance, ..self.collocation.clone() };
+                    self.choose(problem, &coarse, run)?
+                }
+                Some(before) => {
+                    let finer =
+                        Collocation { tolerance, max_evaluations: run.left, ..self.collocation.clone() };
+                    finer.solve_again(problem, &before.report, run.on_iteration, run.token)?
+                }
+            };
+            if let Some(left) = &mut run.left {
+                *left = left.saturating_sub(report.program.counts.evaluations);
+            }
+            let polished = Polish::default().polish_cancellable(problem, &report, run.token)?;
+            let is_refused = matches!(polished.verdict, Verdict::Refused { .. });
+            let is_final = match report.status {
+                CollocationStatus::NotSolved(status) => is_ended(status),
+                _ => false,
+            };
+            let is_done = !is_refused || is_final || run.token.is_cancelled();
+            found = Some(Found { report, polished: Some(polished) });
+            if is_done {
+                break;
+            }
+        }
+        found.ok_or_else(|| CollocationError::NoPhase.into())
+    }
+}
+
+impl Found {
+    fn of(report: CollocationReport) -> Self {
+        Self { report, polished: None }
+    }
+}
+
+/// Whether a phase moves several driven joints over a duration that is given.
+fn is_chain(phase: &Phase) -> bool {
+    let has_duration =
+        [&phase.bounds.initial_time, &phase.bounds.final_time].into_iter().all(Interval::is_fixed);
+    has_duration && phase.n_controls() >= SEVERAL && tree_of(phase).is_some()
+}
+
+/// Why a token has cut a search.
+fn cut(token: &CancellationToken) -> Status {
+    if token.has_expired() { Status::TimeLimit } else { Status::Interrupted }
+}
+
+fn record_of(found: &SplineMotionReport, accuracy: Accuracy) -> MeshRecord {
+    MeshRecord {
+        meshes: vec![found.solution.mesh().clone()],
+        is_start: accuracy == Accuracy::UNKNOWN,
+        cost: found.program.cost,
+        accuracy,
+        status: found.program.status,
+        iterations: found.program.iterations,
+        time: found.time,
+    }
+}
+
+fn report_of(
+    problem: &Problem,
+    found: SplineMotionReport,
+    status: CollocationStatus,
+    confirmation: Confirmation,
+) -> CollocationReport {
+    let what = if found.of_joints { "the joints" } else { "the controls" };
+    CollocationReport {
+        status,
+        cost: found.program.cost,
+        confirmation,
+        history: vec![record_of(&found, Accuracy::UNKNOWN)],
+        phases: vec![found.solution],
+        program: found.program,
+        wrong_derivative: None,
+        relative_errors: problem.relative_errors(),
+        origin: format!("The motion is one of splines of {what}, which has no costates."),
+    }
+}
+
+/// The motion of splines whose program was not solved.
+fn ended(
+    problem: &mut Problem,
+    mut found: SplineMotionReport,
+    token: &CancellationToken,
+) -> Result<CollocationReport, SearchError> {
+    let failure = found.failure.take();
+    let status = match found.program.status {
+        _ if failure.is_some() => Status::Failed,
+        status if status.is_converged() => cut(token),
+        status => status,
+    };
+    let confirmation = Confirmation::unknown(std::slice::from_ref(&found.solution));
+    let report = report_of(problem, found, CollocationStatus::NotSolved(status), confirmation);
+    match failure {
+        Some(Failure(source)) => Err(SearchError::Failed { source, report: Box::new(report) }),
+        None => Ok(report),
+    }
+}
