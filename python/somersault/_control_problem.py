@@ -143,9 +143,9 @@ class ControlProblem:
         scales: Mapping[str, float] | None = None,
     ) -> None:
         self._given = {name: value for name, value in locals().items() if name != "self"}
-        tree = None
+        tree, self._quaternions = None, []
         if isinstance(dynamics, Model):
-            moved, *own = _extension.TracedPhase.of_tree(dynamics, actuated)
+            moved, *own, self._quaternions = _extension.TracedPhase.of_tree(dynamics, actuated)
             tree = (dynamics, moved)
             states = _as_many("states", states, own[0])
             controls = _as_many("controls", controls, own[1])
@@ -563,6 +563,10 @@ class ControlProblem:
             else np.zeros((count, 0))
             for part, own in ((names.states, lines), (names.controls, nearest[0]))
         )
+        for first in self._quaternions:
+            if not any(name in rows for name in names.states[first : first + 4]):
+                # the shortest turn between the ends
+                states[:, first : first + 4] = 0.0
         parameters = [
             float(rows.get(name, row[0])) for name, row in zip(names.parameters, nearest[1], strict=True)
         ]

@@ -28,6 +28,11 @@ impl Objective {
         Self { function, effort: None, weights }
     }
 
+    /// The same with a function made of its own.
+    pub(super) fn map(self, made: impl FnOnce(Box<dyn VectorFunction>) -> Box<dyn VectorFunction>) -> Self {
+        Self::new(made(self.function))
+    }
+
     /// The cost is ½ Σ w (a − c)² from now on, and nothing without squares.
     pub(super) fn exchange(&mut self, effort: Vec<Square>) {
         self.effort = Some(effort);

@@ -12,8 +12,9 @@ use super::function::{
 };
 use super::guess::Guess;
 use super::interval::{Interval, NO_BOUND};
-use super::linkage::{Linkage, Quantity};
+use super::linkage::{End, Linkage, Place, Quantity};
 use super::objective::Objective;
+use super::quaternions::{self, AtUnitQuaternions, EndRow, WithEndRows};
 use super::traced::TracedFunction;
 use super::tree::TreeDynamics;
 use somersault_core::argument::expect_positive;
@@ -32,6 +33,8 @@ pub struct Phase {
     pub(super) ends: Objective,
     pub(crate) bounds: PhaseBounds,
     pub(super) scales: Scales,
+    /// Where x has quaternions.
+    pub(super) quaternions: Vec<usize>,
     pub(super) guess: Option<Guess>,
     /// The functions that were traced, if all of them were: f, then L and g, then Φ and b.
     traced: Option<[ExprFunction; 3]>,
@@ -75,11 +78,12 @@ impl Phase {
         Self::assemble(sizes, Box::new(dynamics), terms)
     }
 
-    /// A tree of bodies, x = (q, v), with terms over a generic scalar.
+    /// A tree of bodies, x = (q, v), with terms over a generic scalar, which see quaternions of unit norm.
     pub fn of_tree(dynamics: TreeDynamics, terms: impl Terms + 'static) -> Self {
         let sizes = Sizes { states: dynamics.n_states(), controls: dynamics.n_controls(), parameters: 0 };
         let names = Names { states: dynamics.state_names(), controls: dynamics.control_names() };
-        Self { names, ..Self::assemble(sizes, Box::new(dynamics), terms) }
+        let quaternions = dynamics.quaternions();
+        Self { names, quaternions, ..Self::assemble(sizes, Box::new(dynamics), terms) }
     }
 
     /// Equations of motion f(x, u, p, t) that bring their derivatives; as many states as outputs.
@@ -151,6 +155,7 @@ impl Phase {
             ends: Objective::new(Box::new(ByDuals::new(EndFormula(terms, sizes), sizes.ends()))),
             bounds,
             scales: Scales { state: Vec::new(), control: Vec::new() },
+            quaternions: Vec::new(),
             guess: None,
             traced: None,
             names: Names::default(),
@@ -167,6 +172,15 @@ impl Phase {
         let free = |n: usize| vec![Interval::FREE; n.saturating_sub(1)];
         (self.bounds.path, self.bounds.end) = (free(path.n_outputs()), free(ends.n_outputs()));
         (self.path, self.ends) = (Objective::new(path), Objective::new(ends));
+        self.traced = None;
+        self
+    }
+
+    /// Where four states each are a quaternion (x, y, z, w), by the number of the first of them. Its direction is what counts: costs
+    /// and constraints are evaluated at unit norm, ends that are given mean q and −q alike, and guesses turn the shorter way. The equations of
+    /// motion must keep the norm, and not depend on it, as [those of a tree](TreeDynamics) do.
+    pub fn quaternions(mut self, first: impl Into<Vec<usize>>) -> Self {
+        self.quaternions = first.into();
         self.traced = None;
         self
     }
@@ -272,8 +286,13 @@ impl Phase {
         self.bounds.initial_time.upper > self.bounds.final_time.lower
     }
 
-    /// Checks bounds and lengths, narrows the ends to the bounds of the state and completes guess and scales.
-    fn validate(&mut self, phase: Option<usize>) -> Result<(), CollocationError> {
+    /// Checks bounds and lengths, narrows the ends to the bounds of the state and completes guess and scales. Gives rows that ends of
+    /// quaternions need; `is_linked` says of a state whether an earlier phase leads to it.
+    fn validate(
+        &mut self,
+        phase: Option<usize>,
+        is_linked: impl Fn(usize) -> bool,
+    ) -> Result<Vec<EndRow>, CollocationError> {
         let Sizes { states, controls, parameters } = self.sizes;
         let (n_path, n_end) = (self.path.n_outputs() - 1, self.ends.n_outputs() - 1);
         let (bounds, names) = (&mut self.bounds, &self.names);
@@ -306,6 +325,25 @@ impl Phase {
         if start.lower >= end.upper {
             return Err(CollocationError::Horizon { phase, start: start.lower, end: end.upper });
         }
+        let (mut rows, mut taken) = (Vec::new(), vec![false; states]);
+        for &first in &self.quaternions {
+            let Some(own) =
+                taken.get_mut(first..first + quaternions::WIDTH).filter(|own| !own.contains(&true))
+            else {
+                return Err(CollocationError::Quaternions { phase, found: first });
+            };
+            own.fill(true);
+        }
+        if let Some(guess) = &self.guess {
+            guess.validate(phase, &self.sizes)?;
+        }
+        for &first in &self.quaternions {
+            let not_unit = |argument, norm| {
+                let entry = names.of(argument, first);
+                CollocationError::NotUnit { phase, argument, entry, norm }
+            };
+            rows.extend(quaternions::pose(bounds, first, self.guess.as_ref(), is_linked(first), not_unit)?);
+        }
         for entry in 0..states {
             for (argument, ends) in
                 [("initial_state", &mut bounds.initial_state), ("final_state", &mut bounds.final_state)]
@@ -325,9 +363,34 @@ impl Phase {
                 }
             }
         }
-        let guess = self.guess.get_or_insert_with(|| Guess::straight(bounds));
+        let all = &self.quaternions;
+        let guess = self.guess.get_or_insert_with(|| Guess::straight(bounds, all));
         guess.validate(phase, &self.sizes)?;
-        self.scales.complete(phase, guess, bounds)
+        if !all.is_empty() {
+            quaternions::complete(all, guess, bounds);
+        }
+        self.scales.complete(phase, guess, bounds, all)?;
+        all.iter().for_each(|&first| quaternions::free_length(bounds, first));
+        Ok(rows)
+    }
+
+    /// The phase with functions that see quaternions of unit norm, and rows of its ends.
+    fn at_unit_quaternions(mut self, rows: Vec<EndRow>) -> Self {
+        if self.quaternions.is_empty() {
+            return self;
+        }
+        let Self { sizes, quaternions, .. } = &self;
+        let (sizes, at_point) = (*sizes, quaternions.clone());
+        let further = quaternions.iter().map(|first| sizes.states + first);
+        let at_ends: Vec<usize> = quaternions.iter().copied().chain(further).collect();
+        self.bounds.end.extend(rows.iter().map(EndRow::bound));
+        self.path =
+            self.path.map(|function| Box::new(AtUnitQuaternions::new(function, sizes.point(), at_point)));
+        self.ends = self.ends.map(|function| {
+            let own = Box::new(AtUnitQuaternions::new(function, sizes.ends(), at_ends));
+            Box::new(WithEndRows::new(own, sizes.ends(), rows))
+        });
+        self
     }
 }
 
@@ -338,6 +401,7 @@ impl Scales {
         phase: Option<usize>,
         guess: &Guess,
         bounds: &PhaseBounds,
+        quaternions: &[usize],
     ) -> Result<(), CollocationError> {
         let size = |rows: &[Vec<f64>], entry: usize, intervals: &[&Interval]| {
             let numbers = intervals.iter().flat_map(|i| [i.lower, i.upper]).filter(|x| x.abs() < NO_BOUND);
@@ -348,6 +412,7 @@ impl Scales {
         if self.state.is_empty() {
             let ends = |j: usize| [&bounds.state[j], &bounds.initial_state[j], &bounds.final_state[j]];
             self.state = (0..bounds.state.len()).map(|j| size(&guess.states, j, &ends(j))).collect();
+            quaternions::set_sizes(quaternions, &mut self.state);
         }
         if self.control.is_empty() {
             let controls = bounds.control.iter().enumerate();
@@ -359,6 +424,25 @@ impl Scales {
             expect_positive("scales", *scale)?;
         }
         Ok(())
+    }
+}
+
+/// Gives the guess of a phase that sign of a quaternion with which the phase before it ends.
+fn face(phases: &mut [Phase], Linkage { left, right, .. }: &Linkage) {
+    let (Quantity::State(from), Quantity::State(to)) = (left.quantity, right.quantity) else { return };
+    if left.phase >= right.phase || left.end != End::Finish || right.end != End::Start {
+        return;
+    }
+    let [before, after] = [left, right].map(|place| phases[place.phase].guess.as_ref());
+    let (Some(before), Some(after)) = (before, after) else { return };
+    let (Some(before), Some(after)) = (before.states.last(), after.states.first()) else { return };
+    let is_given = phases[right.phase].bounds.initial_state[to].is_fixed();
+    let is_quaternion = [(left.phase, from), (right.phase, to)]
+        .iter()
+        .all(|(phase, first)| phases[*phase].quaternions.contains(first));
+    if is_quaternion && !is_given && quaternions::are_opposite(&before[from..], &after[to..]) {
+        let rows = phases[right.phase].guess.iter_mut().flat_map(|guess| &mut guess.states);
+        rows.for_each(|row| row[to..to + quaternions::WIDTH].iter_mut().for_each(|x| *x = -*x));
     }
 }
 
@@ -375,17 +459,27 @@ impl Problem {
     }
 
     /// A problem of several phases, whose costs are added.
-    pub fn try_of_phases(
-        mut phases: Vec<Phase>,
-        mut linkages: Vec<Linkage>,
-    ) -> Result<Self, CollocationError> {
+    pub fn try_of_phases(phases: Vec<Phase>, mut linkages: Vec<Linkage>) -> Result<Self, CollocationError> {
         if phases.is_empty() {
             return Err(CollocationError::NoPhase);
         }
         let several = phases.len() > 1;
-        for (number, phase) in phases.iter_mut().enumerate() {
-            phase.validate(several.then_some(number))?;
+        let mut posed = Vec::with_capacity(phases.len());
+        for (number, mut phase) in phases.into_iter().enumerate() {
+            let is_linked = |state| {
+                let (at_start, leads) = (Quantity::State(state), End::Finish);
+                let is_start = |place: &Place| {
+                    place.phase == number && place.end == End::Start && place.quantity == at_start
+                };
+                let is_before = |place: &Place| place.phase < number && place.end == leads;
+                linkages.iter().any(|Linkage { left, right, .. }| {
+                    is_start(left) && is_before(right) || is_start(right) && is_before(left)
+                })
+            };
+            let rows = phase.validate(several.then_some(number), is_linked)?;
+            posed.push(phase.at_unit_quaternions(rows));
         }
+        let mut phases = posed;
         if phases.iter().all(Phase::is_fixed) {
             return Err(CollocationError::NothingFree);
         }
@@ -407,6 +501,7 @@ impl Problem {
                 });
             }
         }
+        linkages.iter().for_each(|linkage| face(&mut phases, linkage));
         linkages.extend((0..phases.len()).filter(|&k| phases[k].may_run_backwards()).map(Linkage::forward));
         Ok(Self { phases, linkages })
     }
