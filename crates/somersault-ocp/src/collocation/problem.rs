@@ -21,6 +21,9 @@ use somersault_core::argument::expect_positive;
 use somersault_expr::{ExprError, ExprFunction};
 use std::sync::Arc;
 
+/// Size below which the entries of a vector are zero but for rounding, in m, rad, N, or by seconds.
+const ROUNDING: f64 = 1e-9;
+
 /// A stretch of time with its equations, costs, constraints and bounds.
 ///
 /// All is free until it is bounded; the horizon is [0, 1] until it is set.
@@ -35,6 +38,8 @@ pub struct Phase {
     pub(super) scales: Scales,
     /// Where x has quaternions.
     pub(super) quaternions: Vec<usize>,
+    /// States, then controls, that are of one size.
+    vectors: [Vec<Vec<usize>>; 2],
     pub(super) guess: Option<Guess>,
     /// The functions that were traced, if all of them were: f, then L and g, then Φ and b.
     traced: Option<[ExprFunction; 3]>,
@@ -82,8 +87,8 @@ impl Phase {
     pub fn of_tree(dynamics: TreeDynamics, terms: impl Terms + 'static) -> Self {
         let sizes = Sizes { states: dynamics.n_states(), controls: dynamics.n_controls(), parameters: 0 };
         let names = Names { states: dynamics.state_names(), controls: dynamics.control_names() };
-        let quaternions = dynamics.quaternions();
-        Self { names, quaternions, ..Self::assemble(sizes, Box::new(dynamics), terms) }
+        let (quaternions, vectors) = (dynamics.quaternions(), dynamics.vectors());
+        Self { names, quaternions, vectors, ..Self::assemble(sizes, Box::new(dynamics), terms) }
     }
 
     /// Equations of motion f(x, u, p, t) that bring their derivatives; as many states as outputs.
@@ -156,6 +161,7 @@ impl Phase {
             bounds,
             scales: Scales { state: Vec::new(), control: Vec::new() },
             quaternions: Vec::new(),
+            vectors: [Vec::new(), Vec::new()],
             guess: None,
             traced: None,
             names: Names::default(),
@@ -183,6 +189,11 @@ impl Phase {
         self.quaternions = first.into();
         self.traced = None;
         self
+    }
+
+    /// States and controls that begin with those of a tree, which has quaternions and vectors among them.
+    pub fn beginning_with(self, tree: &TreeDynamics) -> Self {
+        Self { vectors: tree.vectors(), ..self.quaternions(tree.quaternions()) }
     }
 
     /// Bounds of x at all times, one for each state.
@@ -369,7 +380,7 @@ impl Phase {
         if !all.is_empty() {
             quaternions::complete(all, guess, bounds);
         }
-        self.scales.complete(phase, guess, bounds, all)?;
+        self.scales.complete(phase, guess, bounds, all, &self.vectors)?;
         all.iter().for_each(|&first| quaternions::free_length(bounds, first));
         Ok(rows)
     }
@@ -395,28 +406,38 @@ impl Phase {
 }
 
 impl Scales {
-    /// Fills in what was not given: the largest of finite bounds and guess, 1 where all of them are zero.
+    /// Fills in what was not given: the largest of finite bounds and guess, of all entries of a vector together; 1 where all of them are
+    /// zero.
     fn complete(
         &mut self,
         phase: Option<usize>,
         guess: &Guess,
         bounds: &PhaseBounds,
         quaternions: &[usize],
+        vectors: &[Vec<Vec<usize>>; 2],
     ) -> Result<(), CollocationError> {
         let size = |rows: &[Vec<f64>], entry: usize, intervals: &[&Interval]| {
             let numbers = intervals.iter().flat_map(|i| [i.lower, i.upper]).filter(|x| x.abs() < NO_BOUND);
-            let largest =
-                rows.iter().map(|row| row[entry]).chain(numbers).fold(0.0, |m: f64, x| m.max(x.abs()));
-            if largest > 0.0 { largest } else { 1.0 }
+            rows.iter().map(|row| row[entry]).chain(numbers).fold(0.0, |m: f64, x| m.max(x.abs()))
+        };
+        let or_one = |mut sizes: Vec<f64>, vectors: &[Vec<usize>]| {
+            for vector in vectors {
+                let largest = vector.iter().fold(0.0, |m: f64, &i| m.max(sizes[i]));
+                vector.iter().for_each(|&i| sizes[i] = if largest > ROUNDING { largest } else { 0.0 });
+            }
+            sizes.iter_mut().filter(|size| **size == 0.0).for_each(|size| *size = 1.0);
+            sizes
         };
         if self.state.is_empty() {
             let ends = |j: usize| [&bounds.state[j], &bounds.initial_state[j], &bounds.final_state[j]];
-            self.state = (0..bounds.state.len()).map(|j| size(&guess.states, j, &ends(j))).collect();
+            let sizes = (0..bounds.state.len()).map(|j| size(&guess.states, j, &ends(j))).collect();
+            self.state = or_one(sizes, &vectors[0]);
             quaternions::set_sizes(quaternions, &mut self.state);
         }
         if self.control.is_empty() {
             let controls = bounds.control.iter().enumerate();
-            self.control = controls.map(|(j, bound)| size(&guess.controls, j, &[bound])).collect();
+            let sizes = controls.map(|(j, bound)| size(&guess.controls, j, &[bound])).collect();
+            self.control = or_one(sizes, &vectors[1]);
         }
         expect_length(phase, "scales of states", self.state.len(), bounds.state.len())?;
         expect_length(phase, "scales of controls", self.control.len(), bounds.control.len())?;

@@ -200,6 +200,22 @@ impl TreeDynamics {
         bodies.filter_map(|body| self.model.quaternion_of(body)).map(|found| found.start).collect()
     }
 
+    /// States, then controls, that are entries of one vector, in m, rad, or their rates: they are of one size.
+    pub(super) fn vectors(&self) -> [Vec<Vec<usize>>; 2] {
+        let (mut states, mut controls) = (Vec::new(), Vec::new());
+        let n = self.coordinates.n_positions;
+        for GroupJoint { q, v, orientation, .. } in &self.coordinates.groups {
+            let middle = v.start + orientation.start - q.start;
+            states.push((q.start..orientation.start).collect());
+            for part in [v.start..middle, middle..v.end] {
+                states.push(part.clone().map(|i| n + i).collect());
+                let forces = self.actuated.iter().enumerate().filter(|(_, dof)| part.contains(dof));
+                controls.push(forces.map(|(i, _)| i).collect());
+            }
+        }
+        [states, controls]
+    }
+
     /// Brings those quaternions of x to unit norm all of whose entries are given.
     pub fn normalize_given(&self, x: &mut [f64], is_given: impl Fn(usize) -> bool) {
         let given: Vec<usize> = self.quaternions();

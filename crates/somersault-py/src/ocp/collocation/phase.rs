@@ -84,12 +84,12 @@ impl TracedPhase {
                 let integrands: Box<dyn VectorFunction> = if quaternions.is_empty() {
                     integrands
                 } else {
-                    Box::new(AtUnitQuaternions::new(integrands, all, quaternions.clone()))
+                    Box::new(AtUnitQuaternions::new(integrands, all, quaternions))
                 };
                 let stacked = Stacked::new(vec![(tree, places), (integrands, (0..all).collect())]);
                 Phase::with_derivatives(Box::new(stacked), m, n_parameters, ())
                     .terms_with_derivatives(self.path.built(token)?, self.ends.built(token)?)
-                    .quaternions(quaternions)
+                    .beginning_with(dynamics)
             }
         };
         phase = phase
