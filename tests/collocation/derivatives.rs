@@ -101,7 +101,7 @@ fn derivatives(
 }
 
 /// Both derivatives against central differences of what they are derivatives of.
-fn check(problem: &mut Problem, meshes: &[Mesh]) {
+pub(crate) fn check(problem: &mut Problem, meshes: &[Mesh]) {
     let mut nlp = Transcription::try_new(problem, meshes).unwrap();
     let mut z = nlp.decision_of_guess();
     // a point where nothing is special

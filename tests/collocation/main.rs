@@ -6,6 +6,7 @@ mod derivatives;
 mod input;
 mod known;
 mod optima;
+mod quaternions;
 mod radau;
 mod sensitivity;
 mod starts;

@@ -112,7 +112,9 @@ def _of_collocation(*phases: ocp.CollocationResult) -> Subject:
         t = np.unique(np.concatenate([phase.t, spaced(phase.t[0], phase.t[-1])]))[min(k, 1) :]
         times.append(t)
         states.append(np.asarray(phase.state(t)))
-    q, v = np.split(np.concatenate(states), 2, axis=1)
+    # integrals may follow
+    n, m = model.n_positions, model.n_velocities
+    q, v, _ = np.split(np.concatenate(states), [n, n + m], axis=1)
     return Subject(model, np.concatenate(times), q, v)
 
 

@@ -9,6 +9,7 @@
 use super::error::CollocationError;
 use super::function::VectorFunction;
 use super::problem::{Phase, Problem};
+use super::quaternions::{in_body_axes, set_sizes};
 use super::solution::{PhaseSolution, combine};
 use super::vector::{DrivenPhase, Vector};
 use somersault_core::cancel::CancellationToken;
@@ -27,7 +28,7 @@ const MAX_STEPS: usize = 20_000;
 /// Places within each interval, beside its points, where bounds and path constraints are looked at.
 const SAMPLES: usize = 8;
 
-/// One phase re-integrated. Errors are relative: |Δx|/(1 + max |x|), the largest of all states.
+/// One phase re-integrated. Errors are relative: |Δx|/(1 + max |x|), the largest of all states; those of orientations are angles, rad.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PhaseConfirmation {
@@ -162,9 +163,13 @@ fn confirm_phase(
 ) -> Result<PhaseConfirmation, CollocationError> {
     let n_states = phase.sizes.states;
     let largest = |s: usize| solution.states.iter().fold(0.0, |m: f64, x| m.max(x[s].abs()));
-    let sizes: Vec<f64> = (0..n_states).map(|s| 1.0 + largest(s)).collect();
+    let mut sizes: Vec<f64> = (0..n_states).map(|s| 1.0 + largest(s)).collect();
+    let quaternions = phase.quaternions.clone();
+    set_sizes(&quaternions, &mut sizes);
     let error = |found: &[f64], expected: &[f64]| {
-        let errors = found.iter().zip(expected).zip(&sizes).map(|((a, b), size)| (a - b).abs() / size);
+        let mut differences: Vec<f64> = found.iter().zip(expected).map(|(a, b)| a - b).collect();
+        in_body_axes(&quaternions, expected, &mut differences);
+        let errors = differences.iter().zip(&sizes).map(|(difference, size)| difference.abs() / size);
         // a NaN would be lost in the maximum
         errors.fold(0.0, |m: f64, e| if e.is_nan() { f64::INFINITY } else { m.max(e) })
     };

@@ -136,13 +136,25 @@ pub enum CollocationError {
         "`state_bounds`, `control_bounds` or the horizon must leave something free, found every variable fixed"
     )]
     NothingFree,
-    /// A joint whose positions are no vector: its tree is not described by states in ℝⁿ.
-    #[error(
-        "joint `{joint}` has no single coordinate; states in ℝⁿ need revolute, prismatic or fixed joints"
-    )]
-    NotAVector {
-        /// Name of the body that the joint transports.
-        joint: String,
+    /// A quaternion that is far from unit norm.
+    #[error("`{argument}`{} must have a quaternion of unit norm at {entry}, found norm {norm}", of(*phase))]
+    NotUnit {
+        /// Number of the phase where there are several.
+        phase: Option<usize>,
+        /// What it is of.
+        argument: &'static str,
+        /// The first of its four entries.
+        entry: Entry,
+        /// Its norm.
+        norm: f64,
+    },
+    /// Quaternions that overlap, or reach beyond the states.
+    #[error("`quaternions`{} must be four states each and have none in common, found one that begins at {found}", of(*phase))]
+    Quaternions {
+        /// Number of the phase where there are several.
+        phase: Option<usize>,
+        /// The entry that does not.
+        found: usize,
     },
     /// A degree of freedom that is actuated twice, or does not exist.
     #[error("`actuated` must name each degree of freedom at most once and below {n}, found {found}")]

@@ -10,7 +10,8 @@ use super::interval::Interval;
 pub struct Guess {
     /// At least two, increasing; the first and the last are the horizon.
     pub times: Vec<f64>,
-    /// x at each time.
+    /// x at each time. A quaternion is brought to unit norm and joins the one before it by the shorter turn; zeros in all rows stand
+    /// for that between the ends.
     pub states: Vec<Vec<f64>>,
     /// u at each time.
     pub controls: Vec<Vec<f64>>,
@@ -24,14 +25,14 @@ fn nearest_to_zero(interval: &Interval) -> f64 {
 }
 
 /// Where a state may begin or end: the middle of two finite bounds, else what is nearest to zero.
-fn middle(interval: &Interval) -> f64 {
+pub(super) fn middle(interval: &Interval) -> f64 {
     let middle = 0.5 * (interval.lower + interval.upper);
     if middle.is_finite() { middle } else { nearest_to_zero(interval) }
 }
 
 impl Guess {
     /// A straight line between the ends, controls nearest to zero. A free end is the other one.
-    pub(super) fn straight(bounds: &PhaseBounds) -> Self {
+    pub(super) fn straight(bounds: &PhaseBounds, quaternions: &[usize]) -> Self {
         let is_open = |i: &Interval| i.lower == f64::NEG_INFINITY && i.upper == f64::INFINITY;
         let end = |here: &Interval, other: &Interval| middle(if is_open(here) { other } else { here });
         let ends = || bounds.initial_state.iter().zip(&bounds.final_state);
@@ -40,9 +41,15 @@ impl Guess {
         // a horizon that is open at its end lasts a second
         let finish = if finish > start { finish } else { bounds.final_time.clamp(start + 1.0) };
         let controls: Vec<f64> = bounds.control.iter().map(nearest_to_zero).collect();
+        let mut states: Vec<Vec<f64>> =
+            vec![ends().map(|(a, b)| end(a, b)).collect(), ends().map(|(a, b)| end(b, a)).collect()];
+        // zeros, which are completed later
+        for row in &mut states {
+            quaternions.iter().for_each(|&first| row[first..first + 4].fill(0.0));
+        }
         Self {
             times: vec![start, finish],
-            states: vec![ends().map(|(a, b)| end(a, b)).collect(), ends().map(|(a, b)| end(b, a)).collect()],
+            states,
             controls: vec![controls.clone(), controls],
             parameters: bounds.parameters.iter().map(nearest_to_zero).collect(),
         }

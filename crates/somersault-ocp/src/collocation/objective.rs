@@ -34,6 +34,11 @@ impl Objective {
         self.function.clone()
     }
 
+    /// The same with a function made of its own.
+    pub(super) fn map(self, made: impl FnOnce(Box<dyn VectorFunction>) -> Box<dyn VectorFunction>) -> Self {
+        Self::new(made(Box::new(self.function)))
+    }
+
     /// The cost is ½ Σ w (a − c)² from now on, and nothing without squares.
     pub(super) fn exchange(&mut self, effort: Vec<Square>) {
         self.effort = Some(effort);

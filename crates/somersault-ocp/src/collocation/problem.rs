@@ -12,8 +12,9 @@ use super::function::{
 };
 use super::guess::Guess;
 use super::interval::{Interval, NO_BOUND};
-use super::linkage::{Linkage, Quantity};
+use super::linkage::{End, Linkage, Place, Quantity};
 use super::objective::Objective;
+use super::quaternions::{self, AtUnitQuaternions, EndRow, WithEndRows};
 use super::shared::Shared;
 use super::stacked::Stacked;
 use super::traced::TracedFunction;
@@ -21,6 +22,9 @@ use super::tree::TreeDynamics;
 use somersault_core::argument::expect_positive;
 use somersault_expr::{ExprError, ExprFunction};
 use std::sync::Arc;
+
+/// Size below which the entries of a vector are zero but for rounding, in m, rad, N, or by seconds.
+const ROUNDING: f64 = 1e-9;
 
 /// A stretch of time with its equations, costs, constraints and bounds.
 ///
@@ -34,6 +38,10 @@ pub struct Phase {
     pub(super) ends: Objective,
     pub(crate) bounds: PhaseBounds,
     pub(super) scales: Scales,
+    /// Where x has quaternions.
+    pub(super) quaternions: Vec<usize>,
+    /// States, then controls, that are of one size.
+    vectors: [Vec<Vec<usize>>; 2],
     pub(super) guess: Option<Guess>,
     /// The functions that were traced, if all of them were: f, then L and g, then Φ and b.
     traced: Option<[ExprFunction; 3]>,
@@ -87,12 +95,13 @@ impl Phase {
         Self::assemble(sizes, Box::new(dynamics), terms)
     }
 
-    /// A tree of bodies, x = (q, v), with terms over a generic scalar.
+    /// A tree of bodies, x = (q, v), with terms over a generic scalar, which see quaternions of unit norm.
     pub fn of_tree(dynamics: TreeDynamics, terms: impl Terms + 'static) -> Self {
         let sizes = Sizes { states: dynamics.n_states(), controls: dynamics.n_controls(), parameters: 0 };
         let names = Names { states: dynamics.state_names(), controls: dynamics.control_names() };
+        let (quaternions, vectors) = (dynamics.quaternions(), dynamics.vectors());
         let tree = Some(dynamics.clone());
-        Self { names, tree, ..Self::assemble(sizes, Box::new(dynamics), terms) }
+        Self { names, tree, quaternions, vectors, ..Self::assemble(sizes, Box::new(dynamics), terms) }
     }
 
     /// A tree of bodies and states beside it: x = (q, v, y), with ẏ = `further` over (x, u, p, t).
@@ -106,10 +115,16 @@ impl Phase {
         let states = n + further.n_outputs();
         let sizes = Sizes { states, controls, parameters: n_parameters };
         let places = (0..n).chain(states..states + controls).collect();
+        let (quaternions, vectors) = (dynamics.quaternions(), dynamics.vectors());
+        let further: Box<dyn VectorFunction> = if quaternions.is_empty() {
+            further
+        } else {
+            Box::new(AtUnitQuaternions::new(further, sizes.point(), quaternions.clone()))
+        };
         let tree = Some(dynamics.clone());
         let parts: Vec<(Box<dyn VectorFunction>, Vec<usize>)> =
             vec![(Box::new(dynamics), places), (further, (0..sizes.point()).collect())];
-        Self { tree, ..Self::assemble(sizes, Box::new(Stacked::new(parts)), terms) }
+        Self { tree, quaternions, vectors, ..Self::assemble(sizes, Box::new(Stacked::new(parts)), terms) }
     }
 
     /// Equations of motion f(x, u, p, t) that bring their derivatives; as many states as outputs.
@@ -180,8 +195,11 @@ impl Phase {
         if !control {
             self.scales.control.clear();
         }
-        if let Some(guess) = &self.guess {
-            self.scales.complete(None, guess, &self.bounds)?;
+        if let Some(guess) = &mut self.guess {
+            if !self.quaternions.is_empty() {
+                quaternions::complete(&self.quaternions, guess, &self.bounds);
+            }
+            self.scales.complete(None, guess, &self.bounds, &self.quaternions, &self.vectors)?;
         }
         Ok(before)
     }
@@ -223,6 +241,8 @@ impl Phase {
             ends: Objective::new(Box::new(ByDuals::new(EndFormula(terms, sizes), sizes.ends()))),
             bounds,
             scales: Scales { state: Vec::new(), control: Vec::new() },
+            quaternions: Vec::new(),
+            vectors: [Vec::new(), Vec::new()],
             guess: None,
             traced: None,
             tree: None,
@@ -243,6 +263,20 @@ impl Phase {
         (self.path, self.ends) = (Objective::new(path), Objective::new(ends));
         self.traced = None;
         self
+    }
+
+    /// Where four states each are a quaternion (x, y, z, w), by the number of the first of them. Its direction is what counts: costs
+    /// and constraints are evaluated at unit norm, ends that are given mean q and −q alike, and guesses turn the shorter way. The equations of
+    /// motion must keep the norm, and not depend on it, as [those of a tree](TreeDynamics) do.
+    pub fn quaternions(mut self, first: impl Into<Vec<usize>>) -> Self {
+        self.quaternions = first.into();
+        self.traced = None;
+        self
+    }
+
+    /// States and controls that begin with those of a tree, which has quaternions and vectors among them.
+    pub fn beginning_with(self, tree: &TreeDynamics) -> Self {
+        Self { vectors: tree.vectors(), ..self.quaternions(tree.quaternions()) }
     }
 
     /// Bounds of x at all times, one for each state.
@@ -346,8 +380,13 @@ impl Phase {
         self.bounds.initial_time.upper > self.bounds.final_time.lower
     }
 
-    /// Checks bounds and lengths, narrows the ends to the bounds of the state and completes guess and scales.
-    fn validate(&mut self, phase: Option<usize>) -> Result<(), CollocationError> {
+    /// Checks bounds and lengths, narrows the ends to the bounds of the state and completes guess and scales. Gives rows that ends of
+    /// quaternions need; `is_linked` says of a state whether an earlier phase leads to it.
+    fn validate(
+        &mut self,
+        phase: Option<usize>,
+        is_linked: impl Fn(usize) -> bool,
+    ) -> Result<Vec<EndRow>, CollocationError> {
         let Sizes { states, controls, parameters } = self.sizes;
         let (n_path, n_end) = (self.path.n_outputs() - 1, self.ends.n_outputs() - 1);
         let (bounds, names) = (&mut self.bounds, &self.names);
@@ -380,6 +419,25 @@ impl Phase {
         if start.lower >= end.upper {
             return Err(CollocationError::Horizon { phase, start: start.lower, end: end.upper });
         }
+        let (mut rows, mut taken) = (Vec::new(), vec![false; states]);
+        for &first in &self.quaternions {
+            let Some(own) =
+                taken.get_mut(first..first + quaternions::WIDTH).filter(|own| !own.contains(&true))
+            else {
+                return Err(CollocationError::Quaternions { phase, found: first });
+            };
+            own.fill(true);
+        }
+        if let Some(guess) = &self.guess {
+            guess.validate(phase, &self.sizes)?;
+        }
+        for &first in &self.quaternions {
+            let not_unit = |argument, norm| {
+                let entry = names.of(argument, first);
+                CollocationError::NotUnit { phase, argument, entry, norm }
+            };
+            rows.extend(quaternions::pose(bounds, first, self.guess.as_ref(), is_linked(first), not_unit)?);
+        }
         for entry in 0..states {
             for (argument, ends) in
                 [("initial_state", &mut bounds.initial_state), ("final_state", &mut bounds.final_state)]
@@ -399,34 +457,71 @@ impl Phase {
                 }
             }
         }
+        let all = &self.quaternions;
         self.given = [self.guess.is_some(), !self.scales.state.is_empty(), !self.scales.control.is_empty()];
-        let guess = self.guess.get_or_insert_with(|| Guess::straight(bounds));
+        let guess = self.guess.get_or_insert_with(|| Guess::straight(bounds, all));
         guess.validate(phase, &self.sizes)?;
-        self.scales.complete(phase, guess, bounds)
+        if !all.is_empty() {
+            quaternions::complete(all, guess, bounds);
+        }
+        self.scales.complete(phase, guess, bounds, all, &self.vectors)?;
+        all.iter().for_each(|&first| quaternions::free_length(bounds, first));
+        Ok(rows)
+    }
+
+    /// The phase with functions that see quaternions of unit norm, and rows of its ends.
+    fn at_unit_quaternions(mut self, rows: Vec<EndRow>) -> Self {
+        if self.quaternions.is_empty() {
+            return self;
+        }
+        let Self { sizes, quaternions, .. } = &self;
+        let (sizes, at_point) = (*sizes, quaternions.clone());
+        let further = quaternions.iter().map(|first| sizes.states + first);
+        let at_ends: Vec<usize> = quaternions.iter().copied().chain(further).collect();
+        self.bounds.end.extend(rows.iter().map(EndRow::bound));
+        self.path =
+            self.path.map(|function| Box::new(AtUnitQuaternions::new(function, sizes.point(), at_point)));
+        self.ends = self.ends.map(|function| {
+            let own = Box::new(AtUnitQuaternions::new(function, sizes.ends(), at_ends));
+            Box::new(WithEndRows::new(own, sizes.ends(), rows))
+        });
+        self
     }
 }
 
 impl Scales {
-    /// Fills in what was not given: the largest of finite bounds and guess, 1 where all of them are zero.
+    /// Fills in what was not given: the largest of finite bounds and guess, of all entries of a vector together; 1 where all of them are
+    /// zero.
     fn complete(
         &mut self,
         phase: Option<usize>,
         guess: &Guess,
         bounds: &PhaseBounds,
+        quaternions: &[usize],
+        vectors: &[Vec<Vec<usize>>; 2],
     ) -> Result<(), CollocationError> {
         let size = |rows: &[Vec<f64>], entry: usize, intervals: &[&Interval]| {
             let numbers = intervals.iter().flat_map(|i| [i.lower, i.upper]).filter(|x| x.abs() < NO_BOUND);
-            let largest =
-                rows.iter().map(|row| row[entry]).chain(numbers).fold(0.0, |m: f64, x| m.max(x.abs()));
-            if largest > 0.0 { largest } else { 1.0 }
+            rows.iter().map(|row| row[entry]).chain(numbers).fold(0.0, |m: f64, x| m.max(x.abs()))
+        };
+        let or_one = |mut sizes: Vec<f64>, vectors: &[Vec<usize>]| {
+            for vector in vectors {
+                let largest = vector.iter().fold(0.0, |m: f64, &i| m.max(sizes[i]));
+                vector.iter().for_each(|&i| sizes[i] = if largest > ROUNDING { largest } else { 0.0 });
+            }
+            sizes.iter_mut().filter(|size| **size == 0.0).for_each(|size| *size = 1.0);
+            sizes
         };
         if self.state.is_empty() {
             let ends = |j: usize| [&bounds.state[j], &bounds.initial_state[j], &bounds.final_state[j]];
-            self.state = (0..bounds.state.len()).map(|j| size(&guess.states, j, &ends(j))).collect();
+            let sizes = (0..bounds.state.len()).map(|j| size(&guess.states, j, &ends(j))).collect();
+            self.state = or_one(sizes, &vectors[0]);
+            quaternions::set_sizes(quaternions, &mut self.state);
         }
         if self.control.is_empty() {
             let controls = bounds.control.iter().enumerate();
-            self.control = controls.map(|(j, bound)| size(&guess.controls, j, &[bound])).collect();
+            let sizes = controls.map(|(j, bound)| size(&guess.controls, j, &[bound])).collect();
+            self.control = or_one(sizes, &vectors[1]);
         }
         expect_length(phase, "scales of states", self.state.len(), bounds.state.len())?;
         expect_length(phase, "scales of controls", self.control.len(), bounds.control.len())?;
@@ -434,6 +529,25 @@ impl Scales {
             expect_positive("scales", *scale)?;
         }
         Ok(())
+    }
+}
+
+/// Gives the guess of a phase that sign of a quaternion with which the phase before it ends.
+fn face(phases: &mut [Phase], Linkage { left, right, .. }: &Linkage) {
+    let (Quantity::State(from), Quantity::State(to)) = (left.quantity, right.quantity) else { return };
+    if left.phase >= right.phase || left.end != End::Finish || right.end != End::Start {
+        return;
+    }
+    let [before, after] = [left, right].map(|place| phases[place.phase].guess.as_ref());
+    let (Some(before), Some(after)) = (before, after) else { return };
+    let (Some(before), Some(after)) = (before.states.last(), after.states.first()) else { return };
+    let is_given = phases[right.phase].bounds.initial_state[to].is_fixed();
+    let is_quaternion = [(left.phase, from), (right.phase, to)]
+        .iter()
+        .all(|(phase, first)| phases[*phase].quaternions.contains(first));
+    if is_quaternion && !is_given && quaternions::are_opposite(&before[from..], &after[to..]) {
+        let rows = phases[right.phase].guess.iter_mut().flat_map(|guess| &mut guess.states);
+        rows.for_each(|row| row[to..to + quaternions::WIDTH].iter_mut().for_each(|x| *x = -*x));
     }
 }
 
@@ -450,17 +564,27 @@ impl Problem {
     }
 
     /// A problem of several phases, whose costs are added.
-    pub fn try_of_phases(
-        mut phases: Vec<Phase>,
-        mut linkages: Vec<Linkage>,
-    ) -> Result<Self, CollocationError> {
+    pub fn try_of_phases(phases: Vec<Phase>, mut linkages: Vec<Linkage>) -> Result<Self, CollocationError> {
         if phases.is_empty() {
             return Err(CollocationError::NoPhase);
         }
         let several = phases.len() > 1;
-        for (number, phase) in phases.iter_mut().enumerate() {
-            phase.validate(several.then_some(number))?;
+        let mut posed = Vec::with_capacity(phases.len());
+        for (number, mut phase) in phases.into_iter().enumerate() {
+            let is_linked = |state| {
+                let (at_start, leads) = (Quantity::State(state), End::Finish);
+                let is_start = |place: &Place| {
+                    place.phase == number && place.end == End::Start && place.quantity == at_start
+                };
+                let is_before = |place: &Place| place.phase < number && place.end == leads;
+                linkages.iter().any(|Linkage { left, right, .. }| {
+                    is_start(left) && is_before(right) || is_start(right) && is_before(left)
+                })
+            };
+            let rows = phase.validate(several.then_some(number), is_linked)?;
+            posed.push(phase.at_unit_quaternions(rows));
         }
+        let mut phases = posed;
         if phases.iter().all(Phase::is_fixed) {
             return Err(CollocationError::NothingFree);
         }
@@ -482,6 +606,7 @@ impl Problem {
                 });
             }
         }
+        linkages.iter().for_each(|linkage| face(&mut phases, linkage));
         linkages.extend((0..phases.len()).filter(|&k| phases[k].may_run_backwards()).map(Linkage::forward));
         Ok(Self { phases, linkages })
     }

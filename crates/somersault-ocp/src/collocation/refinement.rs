@@ -5,7 +5,7 @@
 //! ```text
 //! X̂(τ_i) = X(−1) + (h/2) Σ_j A_ij f(X(τ_j), U(τ_j)),   e = max over i, states of |X̂ − X|/(1 + max |X|)
 //! ```
-//! Where e exceeds the tolerance ε, the interval gets P = ⌈log_N(e/ε)⌉ more points (Patterson, Hager & Rao 2015),
+//! Differences of quaternions are rotation vectors, rad. Where e exceeds the tolerance ε, the interval gets P = ⌈log_N(e/ε)⌉ more points (Patterson, Hager & Rao 2015),
 //! or, where these are too many or the solution is not smooth, is divided. Not smooth is a state whose Legendre
 //! coefficients fall by less than a factor 10^0.5 with each degree (Liu, Hager & Rao 2018).
 //!
@@ -17,6 +17,7 @@ use super::function::VectorFunction;
 use super::mesh::Mesh;
 use super::optimality::{Accuracy, IntervalOptimality};
 use super::problem::Phase;
+use super::quaternions::{in_body_axes, set_sizes};
 use super::radau::Radau;
 use super::solution::{PhaseSolution, combine};
 use nalgebra::DMatrix;
@@ -42,6 +43,7 @@ pub(super) fn errors(
     let duration = solution.horizon.1 - solution.horizon.0;
     let n_states = phase.sizes.states;
     let mut arguments = vec![0.0; phase.sizes.point()];
+    let (mut at, mut differences) = (vec![0.0; n_states], vec![0.0; n_states]);
     let mut errors = Vec::new();
     for interval in &solution.grid.intervals {
         let n = interval.radau.len();
@@ -71,10 +73,16 @@ pub(super) fn errors(
         }
         let integrals = finer.integration() * rates;
         let mut relative: f64 = 0.0;
-        for s in 0..n_states {
-            let size = 1.0 + states.column(s).amax();
-            for i in 0..=n {
-                let error = (states[(0, s)] + integrals[(i, s)] - states[(i + 1, s)]).abs() / size;
+        let mut sizes: Vec<f64> = states.column_iter().map(|state| 1.0 + state.amax()).collect();
+        set_sizes(&phase.quaternions, &mut sizes);
+        for i in 0..=n {
+            for (s, difference) in differences.iter_mut().enumerate() {
+                *difference = states[(0, s)] + integrals[(i, s)] - states[(i + 1, s)];
+                at[s] = states[(i + 1, s)];
+            }
+            in_body_axes(&phase.quaternions, &at, &mut differences);
+            for (difference, size) in differences.iter().zip(&sizes) {
+                let error = difference.abs() / size;
                 relative = if error.is_finite() { relative.max(error) } else { f64::INFINITY };
             }
         }

@@ -4,6 +4,7 @@ use super::feasible_start::horizons;
 use super::guess::Guess;
 use super::interval::Interval;
 use super::problem::{Phase, Problem};
+use super::quaternions::normalize;
 use super::solution::PhaseSolution;
 use super::solve::{CollocationReport, CollocationStatus};
 use somersault_core::random::SplitMix64;
@@ -61,6 +62,7 @@ impl Phase {
                     waves.iter().zip(1..).map(|(a, k)| a * (f64::from(k) * PI * s).sin() / f64::from(k));
                 *x = bound.clamp(*x + sines.sum::<f64>());
             }
+            normalize(&self.quaternions, &mut x);
             u.iter_mut().zip(&controls).for_each(|(u, [from, to])| *u = from + s * (to - from));
             guess.times.push(horizon.0 + s * (horizon.1 - horizon.0));
             guess.states.push(x.clone());

@@ -11,6 +11,18 @@ use somersault::ocp::collocation::{CollocationReport, CollocationStatus};
 use somersault::ocp::verification::{self, momentum_drift};
 use std::sync::Arc;
 
+/// States with quaternions of unit norm, which they have to the tolerance.
+pub(super) fn unit_rows(model: Option<&multibody::Model>, rows: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let mut rows = rows.to_vec();
+    if let Some(model) = model {
+        for row in &mut rows {
+            // one of norm zero stays what it is
+            let _ = model.normalize(&mut row[..model.n_positions()]);
+        }
+    }
+    rows
+}
+
 /// How messages introduce a derivative that is wrong.
 const LIKELY: &str = "A likely reason: ";
 
@@ -36,8 +48,9 @@ impl CollocationOutcome {
             for (model, phase) in models.iter().zip(&judged.phases) {
                 let Some(model) = model else { continue };
                 // integrals may follow
-                let n = model.n_velocities();
-                let states = phase.states.iter().map(|x| x[..2 * n].split_at(n));
+                let (n, m) = (model.n_positions(), model.n_velocities());
+                let rows = unit_rows(Some(model), &phase.states);
+                let states = rows.iter().map(|x| x[..n + m].split_at(n));
                 drift = drift.max(momentum_drift(model, states)?);
             }
             let found = verification::Verification {

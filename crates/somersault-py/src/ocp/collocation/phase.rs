@@ -44,8 +44,8 @@ struct Bounds {
 }
 
 type Pairs = Vec<(f64, f64)>;
-/// Degrees of freedom with a force, names of states and of controls.
-type NamedTree = (Vec<usize>, Vec<String>, Vec<String>);
+/// Degrees of freedom with a force, names of states and of controls, the first states of quaternions.
+type NamedTree = (Vec<usize>, Vec<String>, Vec<String>, Vec<usize>);
 
 /// An error in the words of Python, which name an entry of the path by its number.
 pub(super) fn named(error: Error) -> Error {
@@ -75,6 +75,7 @@ impl TracedPhase {
                 let tree = TreeDynamics::clone(dynamics);
                 Phase::of_tree_with(tree, further.built(token)?, n_parameters, ())
                     .terms_with_derivatives(self.path.built(token)?, self.ends.built(token)?)
+                    .beginning_with(dynamics)
             }
         };
         phase = phase
@@ -117,8 +118,11 @@ impl TracedPhase {
             let returned = std::iter::repeat_n(&Interval::FREE, self.path.n_returned());
             let all: Vec<&Interval> =
                 end.iter().chain(free).chain(&bounds.parameters).chain([&time]).chain(returned).collect();
-            let at: Vec<f64> =
+            let mut at: Vec<f64> =
                 all.iter().map(|interval| if interval.is_fixed() { interval.lower } else { 0.0 }).collect();
+            if let Dynamics::Tree { dynamics, .. } = &self.dynamics {
+                dynamics.normalize_given(&mut at, |i| all[i].is_fixed());
+            }
             self.path.function.evaluator().evaluate(&at, &mut values).map_err(CollocationError::from)?;
             for (k, (value, allowed)) in values[1..].iter().zip(&bounds.path).enumerate() {
                 let mut depends = jacobian.sparsity().entries().filter(|(row, _)| *row == k + 1);
@@ -185,7 +189,8 @@ impl TracedPhase {
         Ok(posed)
     }
 
-    /// The degrees of freedom of a tree that have a force, all of them unless they are given, and the names of states and controls.
+    /// The degrees of freedom of a tree that have a force, all of them unless they are given, the names of states and controls, and
+    /// which states quaternions begin at.
     #[staticmethod]
     #[pyo3(signature = (model, actuated))]
     fn of_tree(model: &Bound<'_, Model>, actuated: Option<&Bound<'_, PyAny>>) -> Result<NamedTree, Error> {
@@ -200,6 +205,6 @@ impl TracedPhase {
             None => all.collect(),
         };
         let dynamics = TreeDynamics::try_new(&model.get().model, &chosen)?;
-        Ok((chosen, dynamics.state_names(), dynamics.control_names()))
+        Ok((chosen, dynamics.state_names(), dynamics.control_names(), dynamics.quaternions()))
     }
 }

@@ -1,6 +1,7 @@
 //! What a search found of one phase.
 
 use super::CollocationOutcome;
+use super::outcome::unit_rows;
 use crate::core::convert::{array, check_finite, times};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, value};
@@ -14,6 +15,7 @@ use somersault::ocp::collocation::{
     Accuracy, CollocationReport, CollocationStatus, Confirmation, Mesh, MeshRecord, PhaseConfirmation,
     PhaseRows, PhaseSolution, RelativeErrors,
 };
+use std::ops::Range;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -84,12 +86,34 @@ impl CollocationResult {
         &self.report.phases[0]
     }
 
-    /// The first or the second half of the states of a tree.
-    fn half<'py>(&self, py: Python<'py>, which: usize) -> PyResult<Option<Bound<'py, PyAny>>> {
+    /// The states, quaternions among them of unit norm.
+    fn unit_states(&self) -> Vec<Vec<f64>> {
+        unit_rows(self.subject.model.as_ref(), &self.phase().states)
+    }
+
+    /// Some of the states of a tree.
+    fn part<'py>(
+        &self,
+        py: Python<'py>,
+        places: impl Fn(&multibody::Model) -> Range<usize>,
+    ) -> PyResult<Option<Bound<'py, PyAny>>> {
         let Some(model) = &self.subject.model else { return Ok(None) };
-        let n = model.n_velocities();
-        let rows: Vec<Vec<f64>> = self.phase().states.iter().map(|x| x[which * n..][..n].to_vec()).collect();
+        let places = places(model);
+        let rows: Vec<Vec<f64>> = self.unit_states().iter().map(|x| x[places.clone()].to_vec()).collect();
         table(py, &rows).map(Some)
+    }
+
+    /// Costates of displacements of the joints.
+    fn of_displacements<'py>(&self, py: Python<'py>) -> Result<Option<Bound<'py, PyAny>>, Error> {
+        let Some(model) = &self.subject.model else { return Ok(None) };
+        let n = model.n_positions();
+        let mut rows = Vec::with_capacity(self.phase().states.len());
+        for (x, costate) in self.phase().states.iter().zip(&self.phase().costates) {
+            let mut row = vec![0.0; model.n_velocities()];
+            model.derivatives_along(&x[..n], &costate[..n], &mut row)?;
+            rows.push(row);
+        }
+        Ok(Some(table(py, &rows)?))
     }
 
     fn at<'py>(
@@ -124,17 +148,21 @@ value! {
         /// ndarray, shape (n + 1,): Times, s.
         t: Bound<'py, PyAny> = |own, py| numpy::PyArray1::from_slice(py, &own.phase().times).into_any();
         /// ndarray, shape (n + 1, n_states): States.
-        x: PyResult<Bound<'py, PyAny>> = |own, py| table(py, &own.phase().states);
-        /// ndarray, shape (n + 1, n_positions), or None: Configurations, the first half of x, where the motion is that of a tree.
-        q: PyResult<Option<Bound<'py, PyAny>>> = |own, py| own.half(py, 0);
-        /// ndarray, shape (n + 1, n_velocities), or None: Velocities, the second half.
-        v: PyResult<Option<Bound<'py, PyAny>>> = |own, py| own.half(py, 1);
+        x: PyResult<Bound<'py, PyAny>> = |own, py| table(py, &own.unit_states());
+        /// ndarray, shape (n + 1, n_positions), or None: Configurations, the first entries of x, where the motion is that of a tree.
+        q: PyResult<Option<Bound<'py, PyAny>>> = |own, py| own.part(py, |model| 0..model.n_positions());
+        /// ndarray, shape (n + 1, n_velocities), or None: Velocities, which follow them.
+        v: PyResult<Option<Bound<'py, PyAny>>> =
+            |own, py| own.part(py, |model| model.n_positions()..model.n_positions() + model.n_velocities());
         /// ndarray, shape (n, n_controls): Controls at the times but the last, which is not a collocation point; `control` gives
         /// them at any time.
         u: PyResult<Bound<'py, PyAny>> = |own, py| table(py, &own.phase().controls);
         /// ndarray, shape (n + 1, n_states): Costates λ, the change of the lowest cost from there on with the state; NaN of splines, which
-        /// have none.
+        /// have none. That of a quaternion is orthogonal to it; `joint_costates` has what it says of rotations.
         costates: PyResult<Bound<'py, PyAny>> = |own, py| table(py, &own.phase().costates);
+        /// ndarray, shape (n + 1, n_velocities), or None: Costates of the joints of a tree, the change of the lowest cost with a displacement of
+        /// each degree of freedom in the axes of the child, as velocities are; None for equations that are not those of a tree.
+        joint_costates: Result<Option<Bound<'py, PyAny>>, Error> = |own, py| own.of_displacements(py);
         /// ndarray, shape (n,): Hamiltonian L + λᵀ ẋ.
         hamiltonian: Bound<'py, PyAny> =
             |own, py| numpy::PyArray1::from_slice(py, &own.phase().hamiltonian).into_any();
@@ -175,7 +203,8 @@ impl CollocationResult {
     ///        [0.5, 1.5],
     ///        [1. , 0. ]])
     fn state<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
-        self.at(py, t, PhaseSolution::state)
+        let model = self.subject.model.as_ref();
+        self.at(py, t, |phase, t| unit_rows(model, &[phase.state(t)]).swap_remove(0))
     }
 
     /// Controls at times.
@@ -345,7 +374,7 @@ impl CollocationResult {
             controls: control_names,
             parameters: parameter_names,
         };
-        let of_tree = subject.model.as_ref().map(|model| 2 * model.n_velocities());
+        let of_tree = subject.model.as_ref().map(|model| model.n_positions() + model.n_velocities());
         // integrals may follow
         let width = subject.states.len();
         for (argument, n, found) in [
