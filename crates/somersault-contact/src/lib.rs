@@ -49,10 +49,13 @@
 )]
 
 pub mod bodies;
+mod carrier;
 pub mod contacts;
+pub mod encounters;
 mod error;
 pub mod event;
 pub mod laws;
+mod load;
 pub mod models;
 pub mod sensitivity;
 pub mod shape;
@@ -61,5 +64,6 @@ pub mod studies;
 pub mod surface;
 mod sweep;
 mod touch;
+pub mod tree;
 
 pub use error::ContactError;
