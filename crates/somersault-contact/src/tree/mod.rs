@@ -52,7 +52,11 @@
 //! ```
 
 mod contacts;
+mod report;
+mod standing;
 mod system;
 
 pub use contacts::{LinkContact, LinkPair, TreeContacts};
+pub use report::{Ledger, Touch};
+pub use standing::Standing;
 pub use system::{TouchingRate, TouchingState, TreeInContact};

@@ -114,6 +114,31 @@ impl<'m, F: TreeForces, D: JointDrive> TreeInContact<'m, F, D> {
         }))
     }
 
+    /// τ(t, q, 0) − g(q) + Σ Jᵀ F: the joint forces that are left of the tree at rest under efforts of its contacts.
+    pub(super) fn rest_forces(
+        &self,
+        t: f64,
+        q: &[f64],
+        efforts: &[Wrench],
+    ) -> Result<Vec<f64>, DynamicsError> {
+        let model = self.model();
+        let (mut data, rest) = (Data::new(model), vec![0.0; model.n_velocities()]);
+        let mut wrenches = vec![Force::zero(); model.n_bodies()];
+        let mut torque = rest.clone();
+        self.tree.forces().add_torque(t, q, &rest, &mut torque);
+        let bodies = model.velocities(&mut data, q, &rest)?;
+        if let Some(forces) = self.tree.forces().wrenches() {
+            forces.add_wrenches(t, &bodies, &mut wrenches);
+        }
+        let effort = |i: usize, _: &ContactLaw, _: &Encounter| efforts[i];
+        let pressing =
+            Pressing { contacts: &self.contacts, effort: RefCell::new(effort), is_open: &|_| false };
+        pressing.add_wrenches(t, &bodies, &mut wrenches);
+        let needed = model.inverse_dynamics(&mut data, q, &rest, &rest, &wrenches)?;
+        torque.iter_mut().zip(needed).for_each(|(torque, needed)| *torque -= needed);
+        Ok(torque)
+    }
+
     /// The factor of the mass matrix, unless that is singular.
     pub(super) fn factor(&self, q: &[f64]) -> Result<Option<Cholesky<f64, Dyn>>, DynamicsError> {
         Ok(self.model().mass_matrix(&mut Data::new(self.model()), q)?.clone().cholesky())

@@ -1,6 +1,13 @@
 //! Trees that touch. One program, so that methods are compiled for a tree in contact once.
 
+mod allocation;
+mod bodies;
+mod drops;
+mod energy;
+mod orders;
+mod report;
 mod scenes;
+mod slider;
 
 use somersault_testkit::allocations::Counting;
 

@@ -54,6 +54,11 @@ impl<F: TreeForces, D: JointDrive> TreeSystem<'_, F, D> {
         self.model
     }
 
+    /// The forces.
+    pub fn forces(&self) -> &F {
+        &self.forces
+    }
+
     /// Joint velocities, accelerations and forces in state `x` at time `t`.
     pub fn dynamics<'w>(
         &self,
