@@ -74,7 +74,7 @@ impl HoppingLeg {
     pub fn contacts(&self) -> Result<Vec<LinkContact>, ModelError> {
         let law = ContactLaw::from(self.law).with_friction(self.friction);
         let [_, _, shank] = self.lengths;
-        let foot = Contact::try_new(-Vector3::y() * shank, Arc::new(HalfSpace::ground()), law)?;
+        let foot = Contact::try_new(Vector3::new(0.0, -shank, 0.0), Arc::new(HalfSpace::ground()), law)?;
         Ok(vec![LinkContact::new("foot", "shank", foot)])
     }
 

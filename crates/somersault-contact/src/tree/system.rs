@@ -32,7 +32,8 @@ pub type TouchingRate = AugmentedRate<Rates>;
 
 /// A tree in contact: see the [module](crate::tree).
 ///
-/// As a [`System`] in its own right it switches each contact by its state, which costs any method its order.
+/// As a [`System`] in its own right it switches each contact by its state, which costs any method its order, and keeps the
+/// stretches of contacts that have ended: friction with a stretch needs a run that locates events.
 #[derive(Debug)]
 pub struct TreeInContact<'m, F = (), D = ()> {
     tree: TreeSystem<'m, F, D>,

@@ -2,6 +2,7 @@
 
 mod allocation;
 mod bodies;
+mod bounds;
 mod drops;
 mod energy;
 mod orders;

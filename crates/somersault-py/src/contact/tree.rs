@@ -697,7 +697,7 @@ impl TreeContacts {
     ///
     /// Examples
     /// --------
-    /// A leg whose joints are straight stands on a ball of its own size, 3.2 mm deep:
+    /// The leg with straight joints stands upright, its foot 3.19 mm deep:
     ///
     /// >>> from somersault import contact
     /// >>> leg = contact.hopping_leg()
@@ -803,7 +803,7 @@ impl HoppingLeg {
     /// >>> from somersault import contact
     /// >>> leg = contact.hopping_leg()
     /// >>> leg.torque(0.0, leg.q, leg.v).round(3)
-    /// array([ 0.   ,  0.   ,  0.   ,  4.369, -1.02 ])
+    /// array([ 0.   ,  0.   ,  0.   ,  4.368, -0.995])
     fn torque<'py>(
         &self,
         py: Python<'py>,
