@@ -1,6 +1,8 @@
 //! Contacts of several bodies, with surfaces and with each other.
 
+use crate::carrier::Carrier;
 use crate::contacts::{Contact, about_centre, is_free, without_stretch};
+use crate::encounters::Encounters;
 use crate::error::{ContactError, finite};
 use crate::event::EventKind;
 use crate::laws::{ContactLaw, ContactMode, ContactRate, Encounter, Mobility};
@@ -28,14 +30,18 @@ pub struct BodySphere {
 }
 
 impl BodySphere {
-    /// The body's index, and centre (body frame, from the centre of mass) and radius, m.
-    pub fn try_new(body: usize, centre: Vector3<f64>, radius: f64) -> Result<Self, ContactError> {
-        Ok(Self { body, centre: finite("centre", centre)?, radius: expect_positive("radius", radius)? })
+    pub(crate) fn body(&self) -> usize {
+        self.body
     }
 
-    /// The lever arm of the centre, world frame.
-    fn arm(&self, q: &[Pose]) -> Vector3<f64> {
-        q[self.body].orientation * self.centre
+    pub(crate) fn centre(&self) -> &Vector3<f64> {
+        &self.centre
+    }
+
+    /// The body's index, and centre (body frame, from the centre of mass; of a link from the origin of its frame) and
+    /// radius, m.
+    pub fn try_new(body: usize, centre: Vector3<f64>, radius: f64) -> Result<Self, ContactError> {
+        Ok(Self { body, centre: finite("centre", centre)?, radius: expect_positive("radius", radius)? })
     }
 }
 
@@ -63,34 +69,40 @@ impl SpherePair {
     }
 
     /// The encounter of the first sphere with the second, and the lever arms of the point of contact.
+    fn meet(&self, bodies: &[RigidBody], (q, p): Moving<'_>) -> (Encounter, [Vector3<f64>; 2]) {
+        let [a, b] = self.spheres.each_ref().map(|sphere| sphere.body);
+        self.meet_on([(&q[a], &p[a]), (&q[b], &p[b])], [bodies[a].mass(), bodies[b].mass()])
+    }
+
+    /// The same on two carriers of some masses, kg.
     ///
     /// The plane of contact turns with the line of the centres, and about it at the mean of the two spins.
-    fn meet(&self, bodies: &[RigidBody], (q, p): Moving<'_>) -> (Encounter, [Vector3<f64>; 2]) {
-        let [a, b] = &self.spheres;
-        let (pose_a, pose_b) = (&q[a.body], &q[b.body]);
-        let (arm_a, arm_b) = (a.arm(q), b.arm(q));
-        let span = (pose_a.position - pose_b.position) + (arm_a - arm_b);
+    pub(crate) fn meet_on<C: Carrier>(
+        &self,
+        carriers: [C; 2],
+        masses: [f64; 2],
+    ) -> (Encounter, [Vector3<f64>; 2]) {
+        let ([a, b], [on_a, on_b]) = (&self.spheres, &carriers);
+        let (arm_a, arm_b) = (on_a.turned(&a.centre), on_b.turned(&b.centre));
+        let span = (on_a.origin() - on_b.origin()) + (arm_a - arm_b);
         let distance = span.norm();
         let total = a.radius + b.radius;
         // Spheres with one centre have no normal; zero is harmless.
         let normal = if distance > 0.0 { span / distance } else { Vector3::zeros() };
         let arms = [arm_a - span * (a.radius / total), arm_b + span * (b.radius / total)];
-        let (rate_a, rate_b) = (&p[a.body], &p[b.body]);
-        let velocity = (rate_a.linear + rate_a.angular.cross(&arms[0]))
-            - (rate_b.linear + rate_b.angular.cross(&arms[1]));
+        let velocity = on_a.velocity_at(&arms[0]) - on_b.velocity_at(&arms[1]);
         let rate = normal.dot(&velocity);
-        let (m_a, m_b) = (bodies[a.body].mass(), bodies[b.body].mass());
+        let [m_a, m_b] = masses;
         let encounter = Encounter {
             gap: distance - total,
             rate,
             normal,
-            point: pose_a.position + arms[0],
+            point: on_a.origin() + arms[0],
             sliding: velocity - normal * rate,
-            turning: rate_a.angular - rate_b.angular,
+            turning: on_a.spin() - on_b.spin(),
             tilting: if self.law.friction().has_stretch() && distance > 0.0 {
-                let of_centres = (rate_a.linear + rate_a.angular.cross(&arm_a))
-                    - (rate_b.linear + rate_b.angular.cross(&arm_b));
-                let spin = 0.5 * normal.dot(&(rate_a.angular + rate_b.angular));
+                let of_centres = on_a.velocity_at(&arm_a) - on_b.velocity_at(&arm_b);
+                let spin = 0.5 * normal.dot(&(on_a.spin() + on_b.spin()));
                 normal.cross(&of_centres) / distance + normal * spin
             } else {
                 Vector3::zeros()
@@ -142,10 +154,14 @@ impl BodyContacts {
 
     /// The laws of the contacts, in their order.
     pub fn laws(&self) -> impl Iterator<Item = &ContactLaw> {
-        self.on_surfaces
-            .iter()
-            .map(|(_, contact)| contact.law())
-            .chain(self.pairs.iter().map(|pair| &pair.law))
+        self.parts().map(|part| part.law())
+    }
+
+    /// The contacts in their order.
+    #[inline]
+    pub(crate) fn parts(&self) -> impl Iterator<Item = Part<'_>> {
+        let of_surfaces = self.on_surfaces.iter().map(|(body, contact)| Part::Surface(*body, contact));
+        of_surfaces.chain(self.pairs.iter().map(Part::Pair))
     }
 
     /// Law and encounter of each contact in a state.
@@ -154,11 +170,7 @@ impl BodyContacts {
         bodies: &[RigidBody],
         x: Moving<'_>,
     ) -> impl Iterator<Item = (&ContactLaw, Encounter)> {
-        let of_surfaces = self
-            .on_surfaces
-            .iter()
-            .map(move |(body, contact)| (contact.law(), contact.encounter(&bodies[*body], &state(x, *body))));
-        of_surfaces.chain(self.pairs.iter().map(move |pair| (&pair.law, pair.meet(bodies, x).0)))
+        self.parts().map(move |part| (part.law(), part.meet_of(bodies, x).0))
     }
 
     /// Energy of the springs of the normal laws, J.
@@ -174,26 +186,85 @@ impl BodyContacts {
         x: Moving<'_>,
         out: &mut [Twist],
     ) {
-        let mut add = |body: usize, wrench: Wrench| {
-            out[body].linear += wrench.force;
-            out[body].angular += wrench.torque;
-        };
-        for (i, (body, contact)) in self.on_surfaces.iter().enumerate() {
-            let (at, arm) = contact.meet(&bodies[*body], &state(x, *body));
-            add(*body, about_centre(&arm, &effort(i, contact.law(), &at)));
-        }
-        for (i, pair) in self.pairs.iter().enumerate() {
-            let (at, [arm_a, arm_b]) = pair.meet(bodies, x);
-            let effort = effort(self.on_surfaces.len() + i, &pair.law, &at);
-            let [a, b] = &pair.spheres;
-            add(a.body, about_centre(&arm_a, &effort));
-            let wrench = about_centre(&arm_b, &effort);
-            add(b.body, Wrench { force: -wrench.force, torque: -wrench.torque });
+        for (i, part) in self.parts().enumerate() {
+            let (at, hold) = part.meet_of(bodies, x);
+            hold.press(&effort(i, part.law(), &at), |body, wrench| {
+                out[body].linear += wrench.force;
+                out[body].angular += wrench.torque;
+            });
         }
     }
 }
 
+/// A contact: of a body with a surface, or of two bodies.
+pub(crate) enum Part<'a> {
+    /// The body and its contact.
+    Surface(usize, &'a Contact),
+    /// Two spheres.
+    Pair(&'a SpherePair),
+}
+
+/// On what a contact acts: bodies, and the arms from their origins to the point of contact, world frame.
+pub(crate) struct Hold {
+    pub(crate) first: (usize, Vector3<f64>),
+    pub(crate) second: Option<(usize, Vector3<f64>)>,
+}
+
+impl Hold {
+    /// Shows the wrench about the origin of each body that an effort on the first one makes.
+    #[inline]
+    pub(crate) fn press(&self, effort: &Wrench, mut add: impl FnMut(usize, Wrench)) {
+        let (body, arm) = &self.first;
+        add(*body, about_centre(arm, effort));
+        if let Some((body, arm)) = &self.second {
+            let wrench = about_centre(arm, effort);
+            add(*body, Wrench { force: -wrench.force, torque: -wrench.torque });
+        }
+    }
+}
+
+impl<'a> Part<'a> {
+    #[inline]
+    pub(crate) fn law(&self) -> &'a ContactLaw {
+        match self {
+            Self::Surface(_, contact) => contact.law(),
+            Self::Pair(pair) => &pair.law,
+        }
+    }
+
+    /// The encounter, and on what it acts, where the bodies are carried so and have such masses.
+    #[inline]
+    pub(crate) fn meet<C: Carrier>(
+        &self,
+        carrier: impl Fn(usize) -> C,
+        mass: impl Fn(usize) -> f64,
+    ) -> (Encounter, Hold) {
+        match self {
+            Self::Surface(body, contact) => {
+                let (at, arm) = contact.meet_on(mass(*body), &carrier(*body));
+                (at, Hold { first: (*body, arm), second: None })
+            }
+            Self::Pair(pair) => {
+                let [a, b] = pair.spheres.each_ref().map(|sphere| sphere.body);
+                let (at, [arm_a, arm_b]) = pair.meet_on([a, b].map(&carrier), [a, b].map(mass));
+                (at, Hold { first: (a, arm_a), second: Some((b, arm_b)) })
+            }
+        }
+    }
+
+    /// The same of bodies in a state.
+    #[inline]
+    fn meet_of(&self, bodies: &[RigidBody], (q, p): Moving<'_>) -> (Encounter, Hold) {
+        self.meet(|i| (&q[i], &p[i]), |i| bodies[i].mass())
+    }
+}
+
 impl SpherePair {
+    /// The two spheres.
+    pub(crate) fn spheres(&self) -> &[BodySphere; 2] {
+        &self.spheres
+    }
+
     /// How far the gap may move where the bodies move so.
     fn sweep(&self, sweep: &impl Fn(usize) -> BodySweep) -> Sweep {
         let [a, b] = &self.spheres;
@@ -202,7 +273,11 @@ impl SpherePair {
 
     /// Whether the spheres have a normal.
     fn examine(&self, bodies: &[RigidBody], x: &State<Vec<Pose>>) -> Result<(), SurfaceFault> {
-        let (at, _) = self.meet(bodies, moving(x));
+        Self::examine_at(&self.meet(bodies, moving(x)).0)
+    }
+
+    /// The same of an encounter.
+    pub(crate) fn examine_at(at: &Encounter) -> Result<(), SurfaceFault> {
         if at.normal == Vector3::zeros() {
             return Err(SurfaceFault::Concentric { point: at.point.into() });
         }
@@ -338,7 +413,7 @@ impl<F: ForceModel> RigidSystem for BodiesInContact<F> {
     }
 }
 
-impl<F: ForceModel> Touching for BodiesInContact<F> {
+impl<F: ForceModel> Encounters<Vec<Pose>> for BodiesInContact<F> {
     fn laws(&self) -> impl Iterator<Item = &ContactLaw> {
         self.interaction().laws()
     }
@@ -353,7 +428,9 @@ impl<F: ForceModel> Touching for BodiesInContact<F> {
             see(i, law, &at);
         }
     }
+}
 
+impl<F: ForceModel> Touching for BodiesInContact<F> {
     fn wrenches_by(
         &self,
         t: f64,
@@ -445,12 +522,9 @@ impl<F: ForceModel> Hybrid for BodiesInContact<F> {
     }
 
     fn examine(&self, guard: usize, x: &State<Vec<Pose>>) -> Result<(), SurfaceFault> {
-        let contacts = self.interaction();
-        if let Some((body, contact)) = contacts.on_surfaces.get(guard) {
-            return contact.examine(&state(moving(x), *body));
-        }
-        match contacts.pairs.get(guard.wrapping_sub(contacts.on_surfaces.len())) {
-            Some(pair) => pair.examine(self.bodies(), x),
+        match self.interaction().parts().nth(guard) {
+            Some(Part::Surface(body, contact)) => contact.examine(&state(moving(x), body)),
+            Some(Part::Pair(pair)) => pair.examine(self.bodies(), x),
             None => Ok(()),
         }
     }

@@ -1,5 +1,7 @@
 //! Contacts of a body with surfaces, as a force and as a system with modes.
 
+use crate::carrier::Carrier;
+use crate::encounters::Encounters;
 use crate::error::{ContactError, direction, finite};
 use crate::event::EventKind;
 use crate::laws::{ContactLaw, ContactMode, ContactRate, Encounter, Mobility};
@@ -8,7 +10,7 @@ use crate::stretches::Touching;
 #[cfg(doc)]
 use crate::stretches::WithStretches;
 use crate::surface::{self, HalfSpace, Surface, SurfaceFault, check_slope};
-use crate::sweep::BodySweep;
+use crate::sweep::{BodySweep, PointSweep};
 use crate::touch::{Motion, Touch};
 use nalgebra::Vector3;
 use somersault_core::argument::expect_positive;
@@ -97,7 +99,7 @@ impl Contact {
     }
 
     #[inline(always)]
-    fn place(&self, x: &RigidBodyState) -> Place {
+    fn place<C: Carrier>(&self, x: &C) -> Place {
         match &self.plane {
             Some(plane) => self.shape.place(|point| plane.signed_distance(point), x),
             None => self.place_on_surface(x),
@@ -105,7 +107,7 @@ impl Contact {
     }
 
     #[inline(never)]
-    fn place_on_surface(&self, x: &RigidBodyState) -> Place {
+    fn place_on_surface<C: Carrier>(&self, x: &C) -> Place {
         let distance = |point: &Vector3<f64>| {
             let mut at = self.surface.signed_distance(point);
             if check_slope(self.surface.as_ref(), point, &at.gradient).is_err() {
@@ -119,8 +121,12 @@ impl Contact {
 
     /// Whether the surface is fit to be touched in a state of the body.
     pub fn examine(&self, x: &RigidBodyState) -> Result<(), SurfaceFault> {
-        let point = x.position() + x.orientation() * self.shape.centre();
-        surface::examine(self.surface.as_ref(), &point)
+        self.examine_on(x)
+    }
+
+    /// The same of any carrier.
+    pub(crate) fn examine_on<C: Carrier>(&self, x: &C) -> Result<(), SurfaceFault> {
+        surface::examine(self.surface.as_ref(), &(x.origin() + x.turned(self.shape.centre())))
     }
 
     /// How far the gap may move where the body moves so.
@@ -128,6 +134,14 @@ impl Contact {
         match &self.plane {
             Some(plane) => body.against(&self.shape, plane, x),
             None => body.against(&self.shape, self.surface.as_ref(), x),
+        }
+    }
+
+    /// The same of the motion of the part that touches.
+    pub(crate) fn sweep_of(&self, point: &PointSweep) -> Sweep {
+        match &self.plane {
+            Some(plane) => point.against(&self.shape, plane),
+            None => point.against(&self.shape, self.surface.as_ref()),
         }
     }
 
@@ -149,31 +163,37 @@ impl Contact {
     /// The encounter and the lever arm of the point of contact.
     #[inline(always)]
     pub(crate) fn meet(&self, body: &RigidBody, x: &RigidBodyState) -> (Encounter, Vector3<f64>) {
+        self.meet_on(body.mass(), x)
+    }
+
+    /// The same of a carrier of some mass, kg: the arm is from its origin.
+    #[inline(always)]
+    pub(crate) fn meet_on<C: Carrier>(&self, mass: f64, x: &C) -> (Encounter, Vector3<f64>) {
         let place = self.place(x);
-        let velocity = x.velocity() + x.angular_velocity().cross(&place.arm);
+        let velocity = x.velocity_at(&place.arm);
         let rate = place.normal.dot(&velocity);
         let encounter = Encounter {
             gap: place.gap,
             rate,
             normal: place.normal,
-            point: x.position() + place.arm,
+            point: x.origin() + place.arm,
             sliding: velocity - place.normal * rate,
-            turning: *x.angular_velocity(),
+            turning: *x.spin(),
             tilting: self.tilting(x, &place.normal),
-            mass: body.mass(),
+            mass,
         };
         (encounter, place.arm)
     }
 
     /// n × ṅ, where friction has a stretch that turns with the plane of contact.
     #[inline]
-    fn tilting(&self, x: &RigidBodyState, normal: &Vector3<f64>) -> Vector3<f64> {
+    fn tilting<C: Carrier>(&self, x: &C, normal: &Vector3<f64>) -> Vector3<f64> {
         if self.plane.is_some() || !self.law.friction().has_stretch() {
             return Vector3::zeros();
         }
-        let arm = x.orientation() * self.shape.centre();
-        let velocity = x.velocity() + x.angular_velocity().cross(&arm);
-        normal.cross(&(self.surface.hessian(&(x.position() + arm)) * velocity))
+        let arm = x.turned(self.shape.centre());
+        let velocity = x.velocity_at(&arm);
+        normal.cross(&(self.surface.hessian(&(x.origin() + arm)) * velocity))
     }
 
     /// Force, and torque about the centre of mass in the axes of the motion, frozen in a mode.
@@ -566,7 +586,7 @@ impl<F: ForceModel> Hybrid for BodyInContact<F> {
     }
 }
 
-impl<F: ForceModel> Touching for BodyInContact<F> {
+impl<F: ForceModel> Encounters<Pose> for BodyInContact<F> {
     fn laws(&self) -> impl Iterator<Item = &ContactLaw> {
         self.forces.1.iter().map(Contact::law)
     }
@@ -578,7 +598,9 @@ impl<F: ForceModel> Touching for BodyInContact<F> {
             see(i, &contact.law, &contact.encounter(&self.body, &x));
         }
     }
+}
 
+impl<F: ForceModel> Touching for BodyInContact<F> {
     #[inline]
     fn wrenches_by(
         &self,

@@ -1,6 +1,7 @@
 //! Errors of what users give.
 
 use somersault_core::argument::ArgumentError;
+use somersault_multibody::DynamicsError;
 
 /// Why a law, a surface, a contact or a model body cannot be made.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -55,6 +56,37 @@ pub enum ContactError {
         /// The body.
         body: usize,
     },
+    /// The name of a link that is not there.
+    #[error("`{argument}` must be the name of a body of the model, found `{found}`")]
+    NoLink {
+        /// Name of the argument.
+        argument: &'static str,
+        /// The name given.
+        found: String,
+    },
+    /// A pair of spheres on one link.
+    #[error("a pair of spheres must be on two links, found `{link}` twice")]
+    SameLink {
+        /// Name of the link.
+        link: String,
+    },
+    /// Two contacts of one name.
+    #[error("contacts must have different names, found `{name}` twice")]
+    DuplicateName {
+        /// The name.
+        name: String,
+    },
+    /// The number of a contact that is not there.
+    #[error("`contact` must be below the number of contacts, {contacts}, found {found}")]
+    NoContact {
+        /// The number given.
+        found: usize,
+        /// Number of contacts.
+        contacts: usize,
+    },
+    /// The tree has no dynamics there.
+    #[error(transparent)]
+    Dynamics(#[from] DynamicsError),
     /// A vector that is not finite.
     #[error("`{argument}` must be finite, found {found:?}")]
     NonFinite {

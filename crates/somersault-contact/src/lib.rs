@@ -10,7 +10,7 @@
 //! A force that switches with the state costs every method its order: a step that straddles the switch
 //! is wrong by its whole size (thesis 7.4). Here the equations are frozen in a mode during a step, and
 //! the step is cut where a guard says that the mode ends: [`somersault_integrators::events`]. That works for every method
-//! of the table. [`sensitivity`] differentiates such motions.
+//! of the table. [`sensitivity`] differentiates such motions of a body, and in [`tree`] the links of articulated bodies touch.
 //!
 //! | Symbol | Meaning | Here |
 //! |---|---|---|
@@ -26,6 +26,8 @@
 //!   [`graze`](somersault_integrators::events::Location::graze), in m, on rims and on surfaces without
 //!   [`concavity`](surface::Surface::concavity); and where a force has no bound (a closure) or a contact is closed,
 //!   accelerations are estimated, which is no proof.
+//! - A link of a tree that nothing drives is proved clear by the energy; near a surface, and under torques, by estimates along
+//!   the chain of joints ([`tree`]).
 //! - A contact that is closed, and friction, is decided by the cubic through the ends of a step, which is good where steps
 //!   resolve the contact; fixed steps are divided until they do.
 //! - Surfaces are examined where they are touched first: [`SurfaceFault`](surface::SurfaceFault).
@@ -49,10 +51,13 @@
 )]
 
 pub mod bodies;
+mod carrier;
 pub mod contacts;
+pub mod encounters;
 mod error;
 pub mod event;
 pub mod laws;
+mod load;
 pub mod models;
 pub mod sensitivity;
 pub mod shape;
@@ -61,5 +66,6 @@ pub mod studies;
 pub mod surface;
 mod sweep;
 mod touch;
+pub mod tree;
 
 pub use error::ContactError;

@@ -1,10 +1,10 @@
 //! What of a body touches a surface: a point, a ball, or the rim of a disk.
 
+use crate::carrier::Carrier;
 use crate::surface::SignedDistance;
 use nalgebra::{Unit, Vector3};
-use somersault_integrators::state::RigidBodyState;
 
-/// The part of a body that touches; body frame, from the centre of mass, m.
+/// The part of a body or a link that touches; in its frame, from the centre of mass or the origin of the link, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Shape {
     /// A point.
@@ -27,7 +27,7 @@ pub enum Shape {
     },
 }
 
-/// Gap, lever arm of the contact from the centre of mass and normal, world frame.
+/// Gap, lever arm of the contact from the origin of its carrier and normal, world frame.
 pub(crate) struct Place {
     pub(crate) gap: f64,
     pub(crate) arm: Vector3<f64>,
@@ -42,14 +42,23 @@ impl Shape {
         }
     }
 
+    /// How far from the origin of its frame the point is that its gap follows, at most, m: the centre of a ball.
+    #[inline]
+    pub(crate) fn reach(&self) -> f64 {
+        match self {
+            Self::Point(centre) | Self::Ball { centre, .. } => centre.norm(),
+            Self::Rim { centre, radius, .. } => centre.norm() + radius,
+        }
+    }
+
     #[inline(always)]
     pub(crate) fn place(
         &self,
         distance: impl Fn(&Vector3<f64>) -> SignedDistance,
-        x: &RigidBodyState,
+        x: &impl Carrier,
     ) -> Place {
-        let arm = x.orientation() * self.centre();
-        let at = distance(&(x.position() + arm));
+        let arm = x.turned(self.centre());
+        let at = distance(&(x.origin() + arm));
         let normal = at.gradient;
         match self {
             Self::Point(_) => Place { gap: at.distance, arm, normal },
@@ -57,7 +66,7 @@ impl Shape {
                 Place { gap: at.distance - radius, arm: arm - normal * *radius, normal }
             }
             Self::Rim { axis, radius, .. } => {
-                let axis = x.orientation() * axis.as_ref();
+                let axis = x.turned(axis.as_ref());
                 let down = axis * axis.dot(&normal) - normal;
                 let slope = down.norm();
                 // A rim that lies flat has no lowest point; no direction is better than another.

@@ -11,11 +11,13 @@
 //!
 //! ξ is zero where a contact is open, and as it begins.
 
+use crate::encounters::{self, Encounters, reset};
 use crate::error::ContactError;
 use crate::event::EventKind;
-use crate::laws::{ContactLaw, ContactMode, Encounter, FrictionSpring};
+use crate::laws::{ContactLaw, ContactMode, Encounter};
+use crate::load;
 use crate::surface::SurfaceFault;
-use nalgebra::{DMatrix, DVector, Vector3};
+use nalgebra::{DVector, Vector3};
 use somersault_integrators::augmented::{Augmented, AugmentedRate};
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::IntegrateError;
@@ -27,18 +29,10 @@ use somersault_integrators::system::{
 };
 
 /// Bodies and their contacts, for [`WithStretches`].
-pub trait Touching: HybridBodies<Mode = Vec<ContactMode>, Kind = EventKind, Fault = SurfaceFault> {
-    /// The laws of the contacts, in their order.
-    fn laws(&self) -> impl Iterator<Item = &ContactLaw>;
-
-    /// Shows each contact's number, law and encounter.
-    fn each_encounter(
-        &self,
-        q: &Self::Configuration,
-        p: &RateOf<Self>,
-        see: impl FnMut(usize, &ContactLaw, &Encounter),
-    );
-
+pub trait Touching:
+    HybridBodies<Mode = Vec<ContactMode>, Kind = EventKind, Fault = SurfaceFault>
+    + Encounters<<Self as System>::Configuration>
+{
     /// Force and torque on every body, with the contacts' efforts by their numbers, laws and encounters.
     fn wrenches_by(
         &self,
@@ -50,17 +44,6 @@ pub trait Touching: HybridBodies<Mode = Vec<ContactMode>, Kind = EventKind, Faul
 }
 
 impl<S: Touching> Touching for &S {
-    fn laws(&self) -> impl Iterator<Item = &ContactLaw> {
-        (**self).laws()
-    }
-    fn each_encounter(
-        &self,
-        q: &S::Configuration,
-        p: &RateOf<S>,
-        see: impl FnMut(usize, &ContactLaw, &Encounter),
-    ) {
-        (**self).each_encounter(q, p, see);
-    }
     fn wrenches_by(
         &self,
         t: f64,
@@ -83,7 +66,7 @@ pub struct WithStretches<S>(pub S);
 impl<S: Touching> WithStretches<S> {
     /// A state with unstretched contacts.
     pub fn unstretched(&self, x: StateOf<S>) -> StateOf<Self> {
-        State::augmented(x, vec![Vector3::zeros(); self.0.laws().count()])
+        encounters::unstretched(&self.0, x)
     }
 
     /// A state with given stretches, m, of which the part in the plane of contact counts; none of open contacts.
@@ -92,79 +75,18 @@ impl<S: Touching> WithStretches<S> {
         x: StateOf<S>,
         stretches: Vec<Vector3<f64>>,
     ) -> Result<StateOf<Self>, ContactError> {
-        let contacts = self.0.laws().count();
-        let finite = stretches.iter().flatten().all(|component| component.is_finite());
-        if stretches.len() != contacts || !finite {
-            let found = if finite { format!("{}", stretches.len()) } else { format!("{stretches:?}") };
-            return Err(ContactError::Stretches { found, contacts });
-        }
-        let mut state = State::augmented(x, stretches);
-        let State { configuration, rate } = &mut state;
-        self.0.each_encounter(&configuration.0, &rate.base, |i, law, at| {
-            let stretch = &mut rate.variables[i];
-            *stretch = if law.guard(at).is_inside() && law.friction().has_stretch() {
-                *stretch - at.normal * at.normal.dot(stretch)
-            } else {
-                Vector3::zeros()
-            };
-        });
-        Ok(state)
+        encounters::stretched(&self.0, x, stretches)
     }
 
     /// A state whose stretches carry the load at time t, as far as friction can: the parts in the planes of contact of
     /// the least forces at the contacts that leave the least acceleration by Gauss' measure, aᵀ M a, each within
     /// its cone. Forces along the normals may change from those of the state, as they will under the load.
     pub fn loaded(&self, t: f64, x: StateOf<S>) -> StateOf<Self> {
-        let mut state = self.unstretched(x);
-        let (q, p) = (state.configuration.0.clone(), state.rate.base.clone());
-        let mut units: Vec<(usize, Vector3<f64>)> = Vec::new();
-        // Spring and normal of each contact that holds by a spring.
-        let mut springs = vec![None; state.rate.variables.len()];
-        self.0.each_encounter(&q, &p, |i, law, at| {
-            if !law.guard(at).is_inside() {
-                return;
-            }
-            units.push((i, at.normal));
-            let push = law.push(at.gap, at.rate);
-            if let Some(spring) = law.friction().law().and_then(|friction| friction.spring(push)) {
-                let first = at.normal.cross(&Vector3::ith(at.normal.iamin(), 1.0)).normalize();
-                units.extend([(i, first), (i, at.normal.cross(&first))]);
-                springs[i] = Some((spring, at.normal));
-            }
-        });
-        let weighed_by = |effort: &dyn Fn(usize, &ContactLaw, &Encounter) -> Wrench| {
+        load::loaded(&self.0, x, |State { configuration: q, rate: p }, effort| {
             let mut wrenches = p.clone();
-            self.0.wrenches_by(t, (&q, &p), effort, &mut wrenches);
-            self.weighed(&q, &wrenches)
-        };
-        let none = Vector3::zeros();
-        let load = weighed_by(&|_, law, at| law.effort_in(&law.mode(at, &none), at, &none));
-        // The smooth forces act in each of the columns, and are taken out of them again.
-        let smooth = weighed_by(&|_, _, _| Wrench::default());
-        let column = |(contact, unit): &(usize, Vector3<f64>)| {
-            let force = |i| if i == *contact { *unit } else { Vector3::zeros() };
-            weighed_by(&|i, _, _| Wrench { force: force(i), torque: Vector3::zeros() }) - &smooth
-        };
-        let columns: Vec<_> = units.iter().map(column).collect();
-        if columns.is_empty() {
-            return state;
-        }
-        let svd = DMatrix::from_columns(&columns).svd(true, true);
-        let Ok(forces) = svd.solve(&-load, 1e-12 * svd.singular_values.max()) else { return state };
-        for ((i, unit), force) in units.iter().zip(forces.iter()) {
-            if let Some((FrictionSpring { stiffness, .. }, _)) = springs[*i] {
-                state.rate.variables[*i] -= unit * (force / stiffness);
-            }
-        }
-        for (stretch, spring) in state.rate.variables.iter_mut().zip(springs) {
-            let Some((FrictionSpring { longest, .. }, normal)) = spring else { continue };
-            *stretch -= normal * normal.dot(stretch);
-            let length = stretch.norm();
-            if length > longest {
-                *stretch *= longest / length;
-            }
-        }
-        state
+            self.0.wrenches_by(t, (q, p), effort, &mut wrenches);
+            self.weighed(q, &wrenches)
+        })
     }
 
     /// Wrenches over the roots of mass and moments of inertia.
@@ -188,20 +110,7 @@ impl<S: Touching> WithStretches<S> {
     }
 
     pub(crate) fn energy_at(&self, q: &Augmented<S::Configuration>, p: &AugmentedRate<RateOf<S>>) -> f64 {
-        let mut sum = 0.0;
-        self.each(q, p, |_, law, at, stretch| sum += law.energy(at.gap, stretch));
-        sum
-    }
-
-    /// Calls with each contact's number, law, encounter and stretch.
-    #[inline]
-    fn each(
-        &self,
-        q: &Augmented<S::Configuration>,
-        p: &AugmentedRate<RateOf<S>>,
-        mut see: impl FnMut(usize, &ContactLaw, &Encounter, &Vector3<f64>),
-    ) {
-        self.0.each_encounter(&q.0, &p.base, |i, law, at| see(i, law, at, &p.variables[i]));
+        encounters::energy(&self.0, (q, p))
     }
 
     pub(crate) fn mode_at(
@@ -209,9 +118,7 @@ impl<S: Touching> WithStretches<S> {
         q: &Augmented<S::Configuration>,
         p: &AugmentedRate<RateOf<S>>,
     ) -> Vec<ContactMode> {
-        let mut modes = Vec::with_capacity(p.variables.len());
-        self.each(q, p, |_, law, at, stretch| modes.push(law.mode(at, stretch)));
-        modes
+        encounters::modes(&self.0, (q, p))
     }
 
     pub(crate) fn next_mode_at(
@@ -220,9 +127,7 @@ impl<S: Touching> WithStretches<S> {
         q: &Augmented<S::Configuration>,
         p: &AugmentedRate<RateOf<S>>,
     ) -> Vec<ContactMode> {
-        let mut modes = Vec::with_capacity(before.len());
-        self.each(q, p, |i, law, at, stretch| modes.push(law.next_mode(&before[i], at, stretch)));
-        modes
+        encounters::next_modes(&self.0, before, (q, p))
     }
 
     #[inline]
@@ -233,12 +138,7 @@ impl<S: Touching> WithStretches<S> {
         p: &AugmentedRate<RateOf<S>>,
         out: &mut Vec<Guard>,
     ) {
-        let n = mode.len();
-        out.resize(2 * n, Guard::default());
-        self.each(q, p, |i, law, at, stretch| {
-            out[i] = law.guard(at);
-            out[n + i] = law.friction_guard(&mode[i], at, stretch);
-        });
+        encounters::guards(&self.0, mode, (q, p), out);
     }
 
     #[inline]
@@ -256,15 +156,6 @@ impl<S: Touching> WithStretches<S> {
             wrench
         };
         self.0.wrenches_by(t, (&q.0, &p.base), effort, base);
-    }
-}
-
-/// Contacts begin and end without stretch.
-pub(crate) fn reset(before: &[ContactMode], after: &[ContactMode], stretches: &mut [Vector3<f64>]) {
-    for (stretch, modes) in stretches.iter_mut().zip(before.iter().zip(after)) {
-        if matches!(modes, (ContactMode::Open, _) | (_, ContactMode::Open)) {
-            *stretch = Vector3::zeros();
-        }
     }
 }
 

@@ -50,6 +50,40 @@ impl BodySweep {
     };
 }
 
+/// Bounds of the motion of the part of a shape that touches.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PointSweep {
+    /// Where the centre of the shape starts, m.
+    pub(crate) centre: Vector3<f64>,
+    pub(crate) time: f64,
+    pub(crate) speed: f64,
+    pub(crate) acceleration: f64,
+    /// The size of the numbers that its position is computed from, m.
+    pub(crate) size: f64,
+}
+
+impl PointSweep {
+    /// The sweep of its gap over a surface.
+    #[inline]
+    pub(crate) fn against<S: Surface + ?Sized>(&self, shape: &Shape, surface: &S) -> Sweep {
+        let Self { centre, time, speed, acceleration, size } = *self;
+        let constant = surface.lipschitz();
+        // The lowest point of a rim changes at once where it lies flat.
+        let is_rim = match shape {
+            Shape::Point(_) | Shape::Ball { .. } => false,
+            Shape::Rim { .. } => true,
+        };
+        let fall = if is_rim {
+            f64::INFINITY
+        } else {
+            let bend = surface.concavity(&centre, speed * time);
+            let turning = if bend > 0.0 { bend * speed * speed } else { 0.0 };
+            constant * acceleration + turning
+        };
+        Sweep { speed: constant * speed, fall, size }
+    }
+}
+
 const ROOT_3: f64 = 1.732_050_807_568_877_2;
 
 impl BodySweep {
@@ -175,23 +209,15 @@ impl BodySweep {
         surface: &S,
         x: &RigidBodyState,
     ) -> Sweep {
-        let (lever, is_rim) = match shape {
-            Shape::Point(point) => (point.norm(), false),
-            Shape::Ball { centre, .. } => (centre.norm(), false),
-            Shape::Rim { centre, radius, .. } => (centre.norm() + radius, true),
+        let lever = shape.reach();
+        let point = PointSweep {
+            centre: x.position() + x.orientation() * shape.centre(),
+            time: self.time,
+            speed: self.point_speed(lever),
+            acceleration: self.point_acceleration(lever),
+            size: self.position.amax() + lever,
         };
-        let speed = self.point_speed(lever);
-        let constant = surface.lipschitz();
-        // The lowest point of a rim changes at once where it lies flat.
-        let fall = if is_rim {
-            f64::INFINITY
-        } else {
-            let centre = x.position() + x.orientation() * shape.centre();
-            let bend = surface.concavity(&centre, speed * self.time);
-            let turning = if bend > 0.0 { bend * speed * speed } else { 0.0 };
-            constant * self.point_acceleration(lever) + turning
-        };
-        Sweep { speed: constant * speed, fall, size: self.position.amax() + lever }
+        point.against(shape, surface)
     }
 
     /// The sweep of the gap between two spheres on two bodies, their centres at some distances from those of mass.

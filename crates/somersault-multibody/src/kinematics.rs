@@ -194,6 +194,11 @@ impl<'a, T: Scalar> Positions<'a, T> {
 }
 
 impl<'a, T: Scalar> Velocities<'a, T> {
+    /// Those that a workspace was left with.
+    pub(crate) fn of(model: &'a Model<T>, data: &'a TreeData<T>) -> Self {
+        Self { model, data }
+    }
+
     /// The poses.
     pub fn positions(&self) -> Positions<'a, T> {
         Positions { model: self.model, data: self.data }

@@ -31,7 +31,7 @@
 //! short way for a tree in the air whose joints move as prescribed. [`joint_motion`] has motions of joints with
 //! parameters, splines and eigenpostures; [`counting`] reads somersaults, tilt and twists from the orientation of a root.
 //!
-//! Not meant for closed loops of joints, and not for contact.
+//! Not meant for closed loops of joints. Trees that touch are in `somersault-contact`.
 //!
 //! Source: R. Featherstone, *Rigid Body Dynamics Algorithms*, Springer 2008.
 #![forbid(unsafe_code)]

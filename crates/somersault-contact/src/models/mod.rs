@@ -1,4 +1,5 @@
-//! Model bodies with contacts, all of them a [`BodyInContact`](crate::contacts::BodyInContact) under weight.
+//! Model bodies and trees with contacts: bodies are a [`BodyInContact`](crate::contacts::BodyInContact) under weight, trees the
+//! parts of a [`TreeInContact`](crate::tree::TreeInContact).
 
 use crate::error::ContactError;
 use somersault_core::InertiaError;
@@ -6,6 +7,7 @@ use somersault_integrators::body::BodyError;
 
 mod bouncing_ball;
 mod falling_box;
+mod hopping_leg;
 mod rolling_disk;
 mod sliding_block;
 mod spinning_top;
@@ -13,6 +15,7 @@ mod tippe_top;
 
 pub use bouncing_ball::BouncingBall;
 pub use falling_box::FallingBox;
+pub use hopping_leg::HoppingLeg;
 pub use rolling_disk::RollingDisk;
 pub use sliding_block::SlidingBlock;
 pub use spinning_top::SpinningTop;
@@ -28,6 +31,9 @@ pub enum ModelError {
     /// Its contact cannot.
     #[error(transparent)]
     Contact(#[from] ContactError),
+    /// Its tree cannot.
+    #[error(transparent)]
+    Tree(#[from] somersault_multibody::ModelError),
     /// A measure that the model does not allow.
     #[error("`{argument}` must lie between {low} and {high}, found {found}")]
     OutOfRange {

@@ -19,6 +19,12 @@ pub trait TreeForces {
     fn wrenches(&self) -> Option<&dyn BodyWrenches> {
         None
     }
+
+    /// The potential of the forces for positions `q`, J, where they give the tree no energy that is not taken from it;
+    /// never negative. `None`, as by default, where they may give energy, or nothing is known.
+    fn potential(&self, _q: &[f64]) -> Option<f64> {
+        None
+    }
 }
 
 /// Wrenches on the bodies of a tree.
@@ -30,6 +36,9 @@ pub trait BodyWrenches {
 
 impl TreeForces for () {
     fn add_torque(&self, _: f64, _: &[f64], _: &[f64], _: &mut [f64]) {}
+    fn potential(&self, _: &[f64]) -> Option<f64> {
+        Some(0.0)
+    }
 }
 
 impl<F: Fn(f64, &[f64], &[f64], &mut [f64])> TreeForces for F {
@@ -47,6 +56,9 @@ impl<A: TreeForces, B: TreeForces> TreeForces for (A, B) {
     }
     fn wrenches(&self) -> Option<&dyn BodyWrenches> {
         (self.0.wrenches().is_some() || self.1.wrenches().is_some()).then_some(self)
+    }
+    fn potential(&self, q: &[f64]) -> Option<f64> {
+        Some(self.0.potential(q)? + self.1.potential(q)?)
     }
 }
 
@@ -66,6 +78,9 @@ impl TreeForces for Box<dyn TreeForces + Send + Sync> {
     fn wrenches(&self) -> Option<&dyn BodyWrenches> {
         (**self).wrenches()
     }
+    fn potential(&self, q: &[f64]) -> Option<f64> {
+        (**self).potential(q)
+    }
 }
 
 /// How the joints are moved: `()` by forces alone, [`Driven`] partly by prescribed accelerations.
@@ -73,6 +88,11 @@ pub trait JointDrive {
     /// Completes accelerations and joint forces in the workspace, which has v, the joint forces given
     /// and the wrenches.
     fn solve(&self, model: &Model, t: f64, q: &[f64], w: &mut TreeWorkspace) -> Result<(), DynamicsError>;
+
+    /// Whether it may give the tree energy.
+    fn is_active(&self) -> bool {
+        true
+    }
 }
 
 impl JointDrive for () {
@@ -81,6 +101,9 @@ impl JointDrive for () {
         let found = model.forward_dynamics(&mut w.data, q, &w.v, &w.torque, &w.wrenches)?;
         w.acceleration.copy_from_slice(found);
         Ok(())
+    }
+    fn is_active(&self) -> bool {
+        false
     }
 }
 
@@ -103,5 +126,8 @@ impl<P: Fn(f64, &[f64], &[f64], &mut [f64])> JointDrive for Driven<P> {
         let TreeWorkspace { data, v, torque, wrenches, acceleration } = w;
         (self.motion)(t, q, v, acceleration);
         model.hybrid_dynamics(data, &self.split, q, v, acceleration, torque, wrenches)
+    }
+    fn is_active(&self) -> bool {
+        self.split.active().iter().any(|active| *active)
     }
 }

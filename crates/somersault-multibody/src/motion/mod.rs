@@ -32,12 +32,14 @@
 //! [`IntegrateError::RigidBodiesOnly`]: somersault_integrators::driver::IntegrateError::RigidBodiesOnly
 //! [`IntegrateError::Fault`]: somersault_integrators::driver::IntegrateError::Fault
 
+mod bounds;
 mod forces;
 mod state;
 mod system;
 mod workspace;
 
 pub use crate::coordinates::{Coordinates, Rates};
+pub use bounds::{LinkBound, LinkBounds, mobility_bound};
 pub use forces::{BodyWrenches, Driven, JointDrive, TreeForces};
 pub use state::TreeState;
 pub use system::{TreeDynamics, TreeSystem};

@@ -3,7 +3,7 @@
 //! The two differ in the linear part u of planar and free joints only: v = Rᵀu, with R the orientation
 //! of the child in the joint frame and ω its angular velocity in child axes, hence u̇ = R(v̇ + ω × v).
 
-use crate::coordinates::{Coordinates, Factor, Layout};
+use crate::coordinates::{Coordinates, Factor, Layout, Rates};
 use crate::error::DynamicsError;
 use crate::joint::{Group, Joint, JointKind, Turning};
 use crate::model::{Body, Model, Place};
@@ -31,7 +31,16 @@ impl Model {
 
     /// out ← v, the joint velocities of a state.
     pub fn joint_velocities(&self, x: &TreeState, out: &mut [f64]) -> Result<(), DynamicsError> {
-        let (q, rates) = (x.configuration.as_slice(), x.rate.as_slice());
+        self.joint_velocities_at((&x.configuration, &x.rate), out)
+    }
+
+    /// The same of a state in its two parts.
+    pub fn joint_velocities_at(
+        &self,
+        (q, p): (&Coordinates, &Rates),
+        out: &mut [f64],
+    ) -> Result<(), DynamicsError> {
+        let (q, rates) = (q.as_slice(), p.as_slice());
         expect_length("positions of x", q.len(), self.n_positions())?;
         expect_length("rates of x", rates.len(), self.n_velocities())?;
         expect_length("out", out.len(), self.n_velocities())?;

@@ -1,6 +1,8 @@
 //! The equations of motion of a tree as a system for the integrators.
 
-use super::{Coordinates, Driven, Failure, JointDrive, Rates, TreeForces, TreeState, TreeWorkspace};
+use super::{
+    BodyWrenches, Coordinates, Driven, Failure, JointDrive, Rates, TreeForces, TreeState, TreeWorkspace,
+};
 use crate::articulated::Split;
 use crate::error::DynamicsError;
 use crate::model::Model;
@@ -52,6 +54,11 @@ impl<F: TreeForces, D: JointDrive> TreeSystem<'_, F, D> {
         self.model
     }
 
+    /// The forces.
+    pub fn forces(&self) -> &F {
+        &self.forces
+    }
+
     /// Joint velocities, accelerations and forces in state `x` at time `t`.
     pub fn dynamics<'w>(
         &self,
@@ -59,17 +66,58 @@ impl<F: TreeForces, D: JointDrive> TreeSystem<'_, F, D> {
         t: f64,
         x: &TreeState,
     ) -> Result<TreeDynamics<'w>, DynamicsError> {
-        let q = x.configuration.as_slice();
-        self.model.joint_velocities(x, &mut w.v)?;
+        self.dynamics_under(w, t, (&x.configuration, &x.rate), None)
+    }
+
+    /// The same of a state in its two parts, under wrenches besides those of the forces, in a workspace with
+    /// [room for them](Self::workspace_for_wrenches).
+    pub fn dynamics_under<'w>(
+        &self,
+        w: &'w mut TreeWorkspace,
+        t: f64,
+        (q, p): (&Coordinates, &Rates),
+        besides: Option<&dyn BodyWrenches>,
+    ) -> Result<TreeDynamics<'w>, DynamicsError> {
+        self.model.joint_velocities_at((q, p), &mut w.v)?;
+        let q = q.as_slice();
         w.torque.fill(0.0);
         self.forces.add_torque(t, q, &w.v, &mut w.torque);
-        if let Some(model) = self.forces.wrenches() {
-            w.wrenches.fill(Force::zero());
+        w.wrenches.fill(Force::zero());
+        if self.forces.wrenches().is_some() || besides.is_some() {
             let bodies = self.model.velocities(&mut w.data, q, &w.v)?;
-            model.add_wrenches(t, &bodies, &mut w.wrenches);
+            for wrenches in self.forces.wrenches().into_iter().chain(besides) {
+                wrenches.add_wrenches(t, &bodies, &mut w.wrenches);
+            }
         }
         self.drive.solve(self.model, t, q, w)?;
         Ok(TreeDynamics { velocity: &w.v, acceleration: &w.acceleration, torque: &w.torque })
+    }
+
+    /// The acceleration of [`System`] under wrenches besides those of the forces, as
+    /// [`dynamics_under`](Self::dynamics_under).
+    pub fn acceleration_under(
+        &self,
+        w: &mut TreeWorkspace,
+        t: f64,
+        (q, p): (&Coordinates, &Rates),
+        besides: Option<&dyn BodyWrenches>,
+        out: &mut Rates,
+    ) {
+        match self.failure.keep(self.dynamics_under(w, t, (q, p), besides).map(|_| ())) {
+            Some(()) => self.model.second_rates(q.as_slice(), &w.v, &w.acceleration, out.as_mut_slice()),
+            None => out.as_mut_slice().fill(f64::NAN),
+        }
+    }
+
+    /// A workspace with room for wrenches, whatever the forces are.
+    pub fn workspace_for_wrenches(&self) -> TreeWorkspace {
+        TreeWorkspace::new(self.model, true)
+    }
+
+    /// The potential of the forces for positions `q`, J, where neither they nor the drive give the tree energy that is not
+    /// taken from it; see [`TreeForces::potential`].
+    pub fn potential(&self, q: &[f64]) -> Option<f64> {
+        if self.drive.is_active() { None } else { self.forces.potential(q) }
     }
 }
 
@@ -83,13 +131,7 @@ impl<F: TreeForces, D: JointDrive> System for TreeSystem<'_, F, D> {
     }
 
     fn acceleration(&self, w: &mut TreeWorkspace, t: f64, x: &TreeState, out: &mut Rates) {
-        match self.failure.keep(self.dynamics(w, t, x).map(|_| ())) {
-            Some(()) => {
-                let q = x.configuration.as_slice();
-                self.model.second_rates(q, &w.v, &w.acceleration, out.as_mut_slice());
-            }
-            None => out.as_mut_slice().fill(f64::NAN),
-        }
+        self.acceleration_under(w, t, (&x.configuration, &x.rate), None, out);
     }
 
     fn take_fault(&self) -> Option<Fault> {

@@ -57,7 +57,7 @@ pub(crate) struct Contact {
 }
 
 /// Law, friction and resistance as a file has them.
-type GivenLaws<'py> = (Bound<'py, PyAny>, Option<Bound<'py, PyAny>>, Option<Bound<'py, PyAny>>);
+pub(crate) type GivenLaws<'py> = (Bound<'py, PyAny>, Option<Bound<'py, PyAny>>, Option<Bound<'py, PyAny>>);
 
 /// What a contact is made against until it meets its surface.
 fn built_in(surface: &Bound<'_, PyAny>) -> Result<Arc<dyn surface::Surface>, Error> {
@@ -83,12 +83,12 @@ impl Contact {
         Ok(Self { contact: contact.clone(), surface: Surface::of(py, contact.surface())?, axis })
     }
 
-    fn is_built_in(&self, py: Python<'_>) -> bool {
+    pub(crate) fn is_built_in(&self, py: Python<'_>) -> bool {
         self.surface.bind(py).is_instance_of::<Surface>()
     }
 
     /// The contact, for a run in which `failure` collects what Python code raises.
-    fn contact(&self, py: Python<'_>, failure: &Failure) -> contacts::Contact {
+    pub(crate) fn contact(&self, py: Python<'_>, failure: &Failure) -> contacts::Contact {
         let contact = self.contact.clone();
         if self.is_built_in(py) {
             return contact;
@@ -199,7 +199,7 @@ impl Contact {
 
     /// Surface or callable: The surface.
     #[getter]
-    fn surface(&self, py: Python<'_>) -> Py<PyAny> {
+    pub(crate) fn surface(&self, py: Python<'_>) -> Py<PyAny> {
         self.surface.clone_ref(py)
     }
 

@@ -5,6 +5,7 @@ pub(crate) mod laws;
 pub(crate) mod sensitivity;
 pub(crate) mod surface;
 pub(crate) mod system;
+pub(crate) mod tree;
 
 /// Compliant contact, its events and its derivatives.
 #[pyo3::pymodule(name = "contact", module = "somersault._somersault", submodule)]
@@ -25,6 +26,8 @@ pub(crate) mod module {
     use crate::contact::system::{
         ContactSystem, bouncing_ball, falling_box, rolling_disk, sliding_block, spinning_top, tippe_top,
     };
+    #[pymodule_export]
+    use crate::contact::tree::{HoppingLeg, LinkContact, LinkEvent, LinkPair, TreeContacts, hopping_leg};
     #[pymodule_export]
     use crate::integrators::event::Event;
 

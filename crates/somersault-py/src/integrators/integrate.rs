@@ -18,7 +18,7 @@ use somersault::contact::contacts::BodyInContact;
 use somersault::contact::laws::ContactLaw;
 use somersault::contact::stretches::{Touching, WithStretches};
 use somersault::integrators::counted::Counted;
-use somersault::integrators::events::{Location, StiffSteps};
+use somersault::integrators::events::Location;
 use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::nalgebra::Vector3;
 use somersault::integrators::state::{Pose, State};
@@ -274,15 +274,7 @@ pub(crate) fn integrate<'py>(
         calls_python,
         return_interrupted,
     };
-    let stiff = match max_substeps.map(u64::try_from) {
-        None => StiffSteps::AsGiven,
-        Some(Ok(most @ 1..)) => StiffSteps::Divide { most },
-        Some(_) => {
-            let found = max_substeps.unwrap_or_default();
-            return Err(Error::input(format!("`max_substeps` must be positive or None, found {found}")));
-        }
-    };
-    let location = Location { max_event_rate, keep_events, graze, stiff };
+    let location = Location { max_event_rate, keep_events, graze, stiff: plan::stiff_of(max_substeps)? };
     let observer = observer.map(Bound::unbind);
     if stretches.is_some() && (!locate || contacts.is_none() && pairs.is_none()) {
         return Err(Error::input("`stretches` are those of contacts that are located, and there are none"));

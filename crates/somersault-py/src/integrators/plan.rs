@@ -5,6 +5,7 @@ use crate::core::error::Error;
 use crate::core::waiting::deliver;
 use pyo3::prelude::*;
 use somersault::integrators::driver::{Adaptive, Steps, TimeGrid};
+use somersault::integrators::events::StiffSteps;
 use somersault::integrators::methods::{Method, Options, StartUp};
 use somersault::integrators::run::{ByMethod, Run};
 use somersault::integrators::state::Tolerances;
@@ -102,6 +103,18 @@ fn max_steps_of(max_steps: i64) -> Result<usize, Error> {
 pub(crate) fn every_of(every: i64) -> Result<u64, Error> {
     let positive = u64::try_from(every).ok().filter(|n| *n > 0);
     positive.ok_or_else(|| Error::input(format!("`every` must be a positive number of steps, found {every}")))
+}
+
+/// What is done about fixed steps that are too long, by their most parts; None makes them as they are given.
+pub(crate) fn stiff_of(max_substeps: Option<i64>) -> Result<StiffSteps, Error> {
+    match max_substeps.map(u64::try_from) {
+        None => Ok(StiffSteps::AsGiven),
+        Some(Ok(most @ 1..)) => Ok(StiffSteps::Divide { most }),
+        Some(_) => {
+            let found = max_substeps.unwrap_or_default();
+            Err(Error::input(format!("`max_substeps` must be positive or None, found {found}")))
+        }
+    }
 }
 
 /// The adaptive methods, for a message.

@@ -183,6 +183,6 @@ pub(crate) fn fly<'py>(
         // A shape that fails from the start leaves nothing to keep.
         return Err(failed.map_or(error, Error::from));
     }
-    let solution = TreeSolution::of(py, model, recorded.times, positions, velocities, report, None)?;
+    let solution = TreeSolution::of(py, model, recorded.times, positions, velocities, report, None, None)?;
     plan.deliver(py, failed, solution)
 }

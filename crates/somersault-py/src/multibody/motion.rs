@@ -1,5 +1,6 @@
 //! Motion of trees under joint forces, with joints that may be driven.
 
+use crate::contact::tree::{LinkEvent, PickledTouches, TreeContactList, TreeTouches, stretched};
 use crate::core::callable::{Failure, call, callable_name, check_callable};
 use crate::core::convert::{array, finite_all, integer, integer_or_none, interval_of, times, with_shape};
 use crate::core::error::Error;
@@ -7,15 +8,19 @@ use crate::core::value::{Pickled, by_restore, value};
 use crate::core::waiting::returns_interrupted;
 use crate::integrators::methods;
 use crate::integrators::monitor::{Finish, Monitor, ProgressBar, Watch};
-use crate::integrators::plan::{self, Plan, StepArguments, start_up_of};
+use crate::integrators::plan::{self, Plan, StepArguments, start_up_of, stiff_of};
 use crate::integrators::trajectory::Report;
 use crate::multibody::model::Model;
 use numpy::PyArray1;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::PyType;
+use pyo3::types::{PyList, PyType};
+use somersault::contact::tree::TouchingState;
+use somersault::integrators::augmented::Augmented;
+use somersault::integrators::events::{Interrupted, Located, Location};
 use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::solution;
+use somersault::integrators::state::{Configuration, State};
 use somersault::multibody::motion::{Coordinates, TreeForces, TreeState, TreeSystem};
 use somersault::multibody::{self, Split};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -78,20 +83,47 @@ impl TreeForces for &Given {
     fn add_torque(&self, t: f64, q: &[f64], v: &[f64], torque: &mut [f64]) {
         self.apply(t, q, v, torque, |sum, x| *sum += x);
     }
+    fn potential(&self, _: &[f64]) -> Option<f64> {
+        match &self.source {
+            Source::Numbers(numbers) if numbers.iter().all(|x| *x == 0.0) => Some(0.0),
+            Source::Numbers(_) | Source::Callable { .. } => None,
+        }
+    }
+}
+
+/// What a tree moves on, alone or with the stretches of its contacts beside.
+trait OfTree: Configuration {
+    /// The state of the tree.
+    fn tree(x: &State<Self>) -> TreeState;
+}
+
+impl OfTree for Coordinates {
+    fn tree(x: &TreeState) -> TreeState {
+        x.clone()
+    }
+}
+
+impl OfTree for Augmented<Coordinates> {
+    fn tree(x: &TouchingState) -> TreeState {
+        x.base()
+    }
 }
 
 /// q and v of a state.
-fn coordinates(model: &multibody::Model, x: &TreeState) -> Result<(Vec<f64>, Vec<f64>), Error> {
-    let mut v = vec![0.0; model.n_velocities()];
-    model.joint_velocities(x, &mut v)?;
+fn coordinates<Q: OfTree>(model: &multibody::Model, x: &State<Q>) -> Result<(Vec<f64>, Vec<f64>), Error> {
+    let (x, mut v) = (Q::tree(x), vec![0.0; model.n_velocities()]);
+    model.joint_velocities(&x, &mut v)?;
     Ok((x.configuration.as_slice().to_vec(), v))
 }
 
 /// q and v of states, one after the other.
-fn rows(model: &multibody::Model, states: &[TreeState]) -> Result<(Vec<f64>, Vec<f64>), Error> {
+fn rows<Q: OfTree>(
+    model: &multibody::Model,
+    states: impl IntoIterator<Item = State<Q>>,
+) -> Result<(Vec<f64>, Vec<f64>), Error> {
     let (mut q, mut v) = (Vec::new(), Vec::new());
     for x in states {
-        let (of_q, of_v) = coordinates(model, x)?;
+        let (of_q, of_v) = coordinates(model, &x)?;
         q.extend(of_q);
         v.extend(of_v);
     }
@@ -114,15 +146,33 @@ fn rows(model: &multibody::Model, states: &[TreeState]) -> Result<(Vec<f64>, Vec
 #[pyclass(frozen, module = "somersault.multibody")]
 pub(crate) struct TreeDenseOutput {
     model: Py<Model>,
-    curves: solution::Solution<Coordinates>,
+    curves: Box<dyn Curves + Send + Sync>,
+}
+
+/// The curves of a tree over time.
+trait Curves {
+    /// The state at a time.
+    fn at(&self, t: f64) -> Option<TreeState>;
+    /// First and last time.
+    fn span(&self) -> (f64, f64);
+}
+
+impl<Q: OfTree> Curves for solution::Solution<Q> {
+    fn at(&self, t: f64) -> Option<TreeState> {
+        self.at(t).map(|x| Q::tree(&x))
+    }
+    fn span(&self) -> (f64, f64) {
+        let first = self.times.first().copied().unwrap_or(f64::NAN);
+        (first, self.segments.last().map_or(first, |(end, _)| *end))
+    }
 }
 
 value! {
     impl TreeDenseOutput {
         /// float: First time.
-        t_min: f64 = |own| own.curves.times.first().copied().unwrap_or(f64::NAN);
+        t_min: f64 = |own| own.curves.span().0;
         /// float: Last time.
-        t_max: f64 = |own| own.curves.segments.last().map_or_else(|| own.t_min(), |(end, _)| *end);
+        t_max: f64 = |own| own.curves.span().1;
     }
 }
 
@@ -143,9 +193,10 @@ impl TreeDenseOutput {
             })?);
         }
         let model = &self.model.get().model;
-        let (q, v) = rows(model, &states)?;
-        let q = array(py, q, &[states.len(), model.n_positions()])?.into_any();
-        let v = array(py, v, &[states.len(), model.n_velocities()])?.into_any();
+        let n = states.len();
+        let (q, v) = rows(model, states)?;
+        let q = array(py, q, &[n, model.n_positions()])?.into_any();
+        let v = array(py, v, &[n, model.n_velocities()])?.into_any();
         if scalar { Ok((q.get_item(0)?, v.get_item(0)?)) } else { Ok((q, v)) }
     }
 
@@ -172,6 +223,7 @@ pub(crate) struct TreeSolution {
     v: Py<PyAny>,
     report: Report,
     dense: Option<Py<TreeDenseOutput>>,
+    touches: Option<TreeTouches>,
 }
 
 impl TreeSolution {
@@ -184,12 +236,13 @@ impl TreeSolution {
         v: Vec<f64>,
         report: Report,
         dense: Option<Py<TreeDenseOutput>>,
+        touches: Option<TreeTouches>,
     ) -> PyResult<Py<Self>> {
         let (n, tree) = (t.len(), &model.get().model);
         let q = array(py, q, &[n, tree.n_positions()])?.into_any().unbind();
         let v = array(py, v, &[n, tree.n_velocities()])?.into_any().unbind();
         let t = PyArray1::from_vec(py, t).into_any().unbind();
-        Py::new(py, Self { model: model.clone().unbind(), t, q, v, report, dense })
+        Py::new(py, Self { model: model.clone().unbind(), t, q, v, report, dense, touches })
     }
 }
 
@@ -218,6 +271,38 @@ value! {
         n_rejected: u64 = |own| own.report.n_rejected;
         /// TreeDenseOutput or None: Configuration and velocity at any time, where dense output was requested.
         sol: Option<Py<TreeDenseOutput>> = |own, py| own.dense.as_ref().map(|dense| dense.clone_ref(py));
+        /// list of LinkContact and LinkPair: The contacts, those with surfaces first; empty where none were given.
+        contacts: Py<PyAny> = |own, py| match &own.touches {
+            Some(touches) => touches.contacts.clone_ref(py),
+            None => PyList::empty(py).into_any().unbind(),
+        };
+        /// list of LinkEvent: What happened in contacts.
+        events: Vec<Py<LinkEvent>> = |own, py| {
+            own.touches.iter().flat_map(|found| &found.events).map(|event| event.clone_ref(py)).collect()
+        };
+        /// int: Number of events.
+        n_events: u64 = |own| own.touches.as_ref().map_or(0, |found| found.counts.0);
+        /// int: Steps tried to find events, and to prove steps clear of them, in addition.
+        n_trials: u64 = |own| own.touches.as_ref().map_or(0, |found| found.counts.1);
+        /// int: Steps that were parts of longer ones, divided for the contacts closed.
+        n_substeps: u64 = |own| own.touches.as_ref().map_or(0, |found| found.counts.2);
+        /// ndarray, shape (n, contacts, 3), or None: Stretches of friction, m, world frame.
+        stretches: Option<Py<PyAny>> = |own, py| own.touching(py, |found| &found.stretches);
+        /// ndarray, shape (n, contacts, 3), or None: Forces of contacts on the links, on the first of a pair, world frame, N.
+        contact_forces: Option<Py<PyAny>> = |own, py| own.touching(py, |found| &found.forces);
+        /// ndarray, shape (n, contacts, 3), or None: Points of contact, world frame, m.
+        contact_points: Option<Py<PyAny>> = |own, py| own.touching(py, |found| &found.points);
+        /// ndarray, shape (n, contacts), or None: Gaps, m, negative inside the surface.
+        gaps: Option<Py<PyAny>> = |own, py| own.touching(py, |found| &found.gaps);
+        /// ndarray, shape (n,), or None: Energy of the springs of contacts and friction, J.
+        elastic_energy: Option<Py<PyAny>> = |own, py| own.touching(py, |found| &found.elastic_energy);
+    }
+}
+
+impl TreeSolution {
+    /// An array of what contacts did.
+    fn touching(&self, py: Python<'_>, of: impl Fn(&TreeTouches) -> &Py<PyAny>) -> Option<Py<PyAny>> {
+        self.touches.as_ref().map(|touches| of(touches).clone_ref(py))
     }
 }
 
@@ -236,19 +321,23 @@ impl TreeSolution {
         let (py, own) = (slf.py(), slf.get());
         let Report { status, message, nfev, n_steps, n_rejected } = own.report.clone();
         let arrays = (own.model(py), own.t(py), own.q(py), own.v(py));
-        by_restore(slf, (arrays, (status, message, nfev, n_steps, n_rejected)))
+        let touches = own.touches.as_ref().map(|touches| touches.pickled(py));
+        by_restore(slf, (arrays, (status, message, nfev, n_steps, n_rejected), touches))
     }
 
     /// A pickled solution; the dense output is not part of it.
     #[classmethod]
+    #[pyo3(signature = (arrays, report, touches=None))]
     fn _restore(
         _: &Bound<'_, PyType>,
         arrays: (Py<Model>, Py<PyAny>, Py<PyAny>, Py<PyAny>),
         report: (i32, String, u64, u64, u64),
+        touches: Option<PickledTouches>,
     ) -> Self {
         let (model, t, q, v) = arrays;
         let (status, message, nfev, n_steps, n_rejected) = report;
-        Self { model, t, q, v, report: Report { status, message, nfev, n_steps, n_rejected }, dense: None }
+        let report = Report { status, message, nfev, n_steps, n_rejected };
+        Self { model, t, q, v, report, dense: None, touches: touches.map(TreeTouches::of_pickled) }
     }
 }
 
@@ -277,6 +366,14 @@ impl TreeSolution {
 /// acceleration : array_like, shape (n_velocities,), or callable, optional
 ///     Accelerations of the active degrees of freedom, or ``f(t, q, v)`` that returns them; zero unless
 ///     given. The others are not used.
+/// contacts : LinkContact, LinkPair or sequence of them, optional
+///     Where links touch surfaces and each other; see `contact`. Steps are cut where a contact begins or ends, sticks or
+///     slips, so that the method keeps its order.
+/// stretches : {'loaded'} or array_like, shape (contacts, 3), optional
+///     Stretches of the friction of the contacts at the start, m, world frame, those of pairs last. ``'loaded'`` lets them
+///     carry the load as far as friction can. Unstretched unless given.
+/// max_event_rate, keep_events, graze, max_substeps
+///     As of `somersault.integrate`.
 /// rtol, atol, max_step, first_step, max_steps, start_up, dense_output, every
 ///     As of `somersault.integrate`.
 /// observer : callable, optional
@@ -293,7 +390,7 @@ impl TreeSolution {
 /// InputError
 ///     If an argument is not allowed.
 /// IntegrationError
-///     If the run cannot continue.
+///     If the run cannot continue; a `ChatteringError` where events follow each other too fast.
 /// DynamicsError
 ///     If the mass matrix becomes singular.
 ///
@@ -304,9 +401,19 @@ impl TreeSolution {
 /// >>> motion = multibody.integrate_tree(pole, [0.0, 0.1], [0.0, 0.0], (0.0, 1.0), dt=0.01)
 /// >>> motion.q.shape
 /// (101, 2)
+///
+/// A leg that hops, with located events:
+///
+/// >>> from somersault import contact
+/// >>> leg = contact.hopping_leg()
+/// >>> hop = multibody.integrate_tree(
+/// ...     leg.model, leg.q, leg.v, (0.0, 0.16), torque=leg.torque, contacts=leg.contacts)
+/// >>> [event.kind for event in hop.events]
+/// ['touch_down', 'stick', 'slip', 'release']
 #[pyfunction]
 #[pyo3(signature = (
-    model, q, v, interval, *, dt=None, method=None, torque=None, active=None, acceleration=None, rtol=None,
+    model, q, v, interval, *, dt=None, method=None, torque=None, active=None, acceleration=None, contacts=None,
+    stretches=None, max_event_rate=1e9, keep_events=true, graze=1e-6, max_substeps=Some(100_000), rtol=None,
     atol=None, max_step=None, first_step=None, max_steps=None, start_up="one_step", dense_output=false,
     every=1, observer=None, on_interrupt="raise", progress=false
 ))]
@@ -321,6 +428,12 @@ pub(crate) fn integrate_tree<'py>(
     torque: Option<&Bound<'py, PyAny>>,
     active: Option<&Bound<'py, PyAny>>,
     acceleration: Option<&Bound<'py, PyAny>>,
+    contacts: Option<&Bound<'py, PyAny>>,
+    stretches: Option<&Bound<'py, PyAny>>,
+    max_event_rate: f64,
+    keep_events: bool,
+    graze: f64,
+    #[pyo3(from_py_with = integer_or_none)] max_substeps: Option<i64>,
     rtol: Option<f64>,
     atol: Option<f64>,
     max_step: Option<f64>,
@@ -355,44 +468,112 @@ pub(crate) fn integrate_tree<'py>(
     if let Some(observer) = &observer {
         check_callable("observer", "f(t, q, v)", observer)?;
     }
+    let contacts = contacts.map(|contacts| TreeContactList::extract("contacts", contacts)).transpose()?;
+    if stretches.is_some() && contacts.is_none() {
+        return Err(Error::input("`stretches` are those of contacts, and there are none"));
+    }
+    let location = Location { max_event_rate, keep_events, graze, stiff: stiff_of(max_substeps)? };
     let plan = Plan {
         method,
         options: Options { start_up: start_up_of(start_up)? },
         steps,
         every: plan::every_of(every)?,
         dense: dense_output,
-        calls_python: observer.is_some() || torque.is_callable() || acceleration.is_callable(),
+        calls_python: observer.is_some()
+            || torque.is_callable()
+            || acceleration.is_callable()
+            || contacts.as_ref().is_some_and(|contacts| contacts.calls_python(py)),
         return_interrupted: returns_interrupted(on_interrupt)?,
     };
-    let watch = observer.map(|observer| -> Watch<Coordinates> {
-        let (observer, model) = (observer.unbind(), model.clone().unbind());
-        Box::new(move |py, t, x| {
-            let (q, v) = coordinates(&model.get().model, x)?;
-            let answer = observer.call1(py, (t, PyArray1::from_vec(py, q), PyArray1::from_vec(py, v)))?;
-            answer.bind(py).is_truthy()
-        })
-    });
-    let bar = if progress { Some(ProgressBar::open(py, interval.0, interval.1)?) } else { None };
-    let mut monitor = Monitor::try_new(&plan, &initial, q.len() + v.len(), watch, bar, failure)?;
     let drive = |t: f64, q: &[f64], v: &[f64], out: &mut [f64]| {
         acceleration.apply(t, q, v, out, |out, x| *out = x);
     };
     let system = TreeSystem::new(tree, &torque).driven(split, drive)?;
-    let outcome =
-        monitor.supervise(py, &plan, |monitor| plan.run(&system).observed_by(monitor).from(&initial))?;
-    let n_rejected = outcome.as_ref().map_or(0, |outcome| outcome.rejected);
-    let status = outcome.map(|outcome| outcome.status).map_err(Error::from);
-    let Finish { mut recorded, steps, status, message, failed } = monitor.finish(py, status);
-    let nfev = torque.calls.load(Ordering::Relaxed);
-    let report = Report { status, message, nfev, n_steps: steps, n_rejected };
-    let (t, (q, v)) = (recorded.times.clone(), rows(tree, &recorded.states)?);
-    let dense = if dense_output {
-        // The curves know their ends; of the states only a first is needed, to be written into.
-        recorded.times.truncate(1);
-        recorded.states.truncate(1);
-        Some(Py::new(py, TreeDenseOutput { model: model.clone().unbind(), curves: recorded })?)
-    } else {
-        None
+    let asked = Asked { model, plan: &plan, torque: &torque, observer, progress, interval };
+    let Some(contacts) = contacts else {
+        let mut monitor = asked.monitor(py, &initial, &failure)?;
+        let outcome =
+            monitor.supervise(py, &plan, |monitor| plan.run(&system).observed_by(monitor).from(&initial))?;
+        let n_rejected = outcome.as_ref().map_or(0, |outcome| outcome.rejected);
+        let status = outcome.map(|outcome| outcome.status).map_err(Error::from);
+        return asked.conclude(py, monitor.finish(py, status), n_rejected, |_| Ok(None));
     };
-    plan.deliver(py, failed, TreeSolution::of(py, model, t, q, v, report, dense)?)
+    let system = contacts.on(py, system, &failure)?;
+    let initial = stretched(&system, stretches, interval.0, initial)?;
+    let mut monitor = asked.monitor(py, &initial, &failure)?;
+    let outcome = monitor.supervise(py, &plan, |monitor| {
+        plan.run(&system).locating(location).observed_by(monitor).from(&initial)
+    })?;
+    let (status, located) = match outcome {
+        Ok(located) => (Ok(located.status), located),
+        Err(interrupted) => {
+            let Interrupted { reason, so_far } = *interrupted;
+            (Err(reason.into()), so_far)
+        }
+    };
+    let Located { rejected, trials, substeps, event_count, events, .. } = located;
+    asked.conclude(py, monitor.finish(py, status), rejected, |states| {
+        let counts = (event_count, trials, substeps);
+        TreeTouches::of(py, &system, &contacts, states, &events, counts).map(Some)
+    })
+}
+
+/// What a run was asked for.
+struct Asked<'a, 'py> {
+    model: &'a Bound<'py, Model>,
+    plan: &'a Plan,
+    torque: &'a Given,
+    observer: Option<Bound<'py, PyAny>>,
+    progress: bool,
+    interval: (f64, f64),
+}
+
+impl Asked<'_, '_> {
+    /// What records and watches it.
+    fn monitor<Q: OfTree>(
+        &self,
+        py: Python<'_>,
+        initial: &State<Q>,
+        failure: &Failure,
+    ) -> Result<Monitor<Q>, Error> {
+        let tree = &self.model.get().model;
+        let watch = self.observer.as_ref().map(|observer| -> Watch<Q> {
+            let (observer, model) = (observer.clone().unbind(), self.model.clone().unbind());
+            Box::new(move |py, t, x| {
+                let (q, v) = coordinates(&model.get().model, x)?;
+                let answer = observer.call1(py, (t, PyArray1::from_vec(py, q), PyArray1::from_vec(py, v)))?;
+                answer.bind(py).is_truthy()
+            })
+        });
+        let (start, end) = self.interval;
+        let bar = if self.progress { Some(ProgressBar::open(py, start, end)?) } else { None };
+        let numbers = tree.n_positions() + tree.n_velocities();
+        Monitor::try_new(self.plan, initial, numbers, watch, bar, failure.clone())
+    }
+
+    /// The solution of what was recorded.
+    fn conclude<Q: OfTree>(
+        &self,
+        py: Python<'_>,
+        finish: Finish<Q>,
+        n_rejected: u64,
+        touches: impl FnOnce(&[State<Q>]) -> Result<Option<TreeTouches>, Error>,
+    ) -> Result<Py<TreeSolution>, Error> {
+        let (model, tree) = (self.model, &self.model.get().model);
+        let Finish { mut recorded, steps, status, message, failed } = finish;
+        let nfev = self.torque.calls.load(Ordering::Relaxed);
+        let report = Report { status, message, nfev, n_steps: steps, n_rejected };
+        let touches = touches(&recorded.states)?;
+        let (t, (q, v)) = (recorded.times.clone(), rows(tree, recorded.states.iter().cloned())?);
+        let dense = if self.plan.dense {
+            // The curves know their ends; of the states only a first is needed, to be written into.
+            recorded.times.truncate(1);
+            recorded.states.truncate(1);
+            let model = model.clone().unbind();
+            Some(Py::new(py, TreeDenseOutput { model, curves: Box::new(recorded) })?)
+        } else {
+            None
+        };
+        self.plan.deliver(py, failed, TreeSolution::of(py, model, t, q, v, report, dense, touches)?)
+    }
 }

@@ -1,0 +1,88 @@
+//! What carries the shape of a contact: a body by its centre of mass, or a link by the origin of its frame.
+
+use nalgebra::{Matrix3, Vector3};
+use somersault_integrators::state::{Pose, RigidBodyState, Twist};
+
+/// How a frame stands and moves in the world.
+pub(crate) trait Carrier {
+    /// Where its origin is, m.
+    fn origin(&self) -> &Vector3<f64>;
+    /// A vector of the frame in the axes of the world.
+    fn turned(&self, v: &Vector3<f64>) -> Vector3<f64>;
+    /// Velocity of its origin, m/s.
+    fn speed(&self) -> &Vector3<f64>;
+    /// Its angular velocity, rad/s.
+    fn spin(&self) -> &Vector3<f64>;
+    /// The velocity at the end of an arm from the origin, m/s.
+    #[inline(always)]
+    fn velocity_at(&self, arm: &Vector3<f64>) -> Vector3<f64> {
+        self.speed() + self.spin().cross(arm)
+    }
+}
+
+impl Carrier for RigidBodyState {
+    #[inline(always)]
+    fn origin(&self) -> &Vector3<f64> {
+        &self.configuration.position
+    }
+    #[inline(always)]
+    fn turned(&self, v: &Vector3<f64>) -> Vector3<f64> {
+        self.configuration.orientation * v
+    }
+    #[inline(always)]
+    fn speed(&self) -> &Vector3<f64> {
+        &self.rate.linear
+    }
+    #[inline(always)]
+    fn spin(&self) -> &Vector3<f64> {
+        &self.rate.angular
+    }
+}
+
+/// A body, by pose and rate.
+impl Carrier for (&Pose, &Twist) {
+    #[inline(always)]
+    fn origin(&self) -> &Vector3<f64> {
+        &self.0.position
+    }
+    #[inline(always)]
+    fn turned(&self, v: &Vector3<f64>) -> Vector3<f64> {
+        self.0.orientation * v
+    }
+    #[inline(always)]
+    fn speed(&self) -> &Vector3<f64> {
+        &self.1.linear
+    }
+    #[inline(always)]
+    fn spin(&self) -> &Vector3<f64> {
+        &self.1.angular
+    }
+}
+
+/// The frame of a link, world axes.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Frame {
+    pub(crate) origin: Vector3<f64>,
+    pub(crate) rotation: Matrix3<f64>,
+    pub(crate) velocity: Vector3<f64>,
+    pub(crate) angular_velocity: Vector3<f64>,
+}
+
+impl Carrier for Frame {
+    #[inline(always)]
+    fn origin(&self) -> &Vector3<f64> {
+        &self.origin
+    }
+    #[inline(always)]
+    fn turned(&self, v: &Vector3<f64>) -> Vector3<f64> {
+        self.rotation * v
+    }
+    #[inline(always)]
+    fn speed(&self) -> &Vector3<f64> {
+        &self.velocity
+    }
+    #[inline(always)]
+    fn spin(&self) -> &Vector3<f64> {
+        &self.angular_velocity
+    }
+}

@@ -1,0 +1,219 @@
+//! The contacts of a tree: of links with surfaces, and of pairs of spheres on two links.
+
+use crate::bodies::{BodyContacts, BodySphere, Hold, Part, SpherePair};
+use crate::carrier::Frame;
+use crate::contacts::Contact;
+use crate::error::ContactError;
+use crate::laws::{ContactLaw, Encounter};
+use nalgebra::{Matrix3, Vector3};
+use somersault_multibody::motion::mobility_bound;
+use somersault_multibody::{Model, Velocities};
+use std::collections::HashSet;
+
+/// A part of a link that touches a surface, with a name.
+///
+/// Lengths of the [`Contact`] are in the frame of the link, from its origin, in m.
+#[derive(Debug, Clone)]
+pub struct LinkContact {
+    name: String,
+    link: String,
+    contact: Contact,
+}
+
+impl LinkContact {
+    /// A contact of the body `link` of a model.
+    pub fn new(name: impl Into<String>, link: impl Into<String>, contact: Contact) -> Self {
+        Self { name: name.into(), link: link.into(), contact }
+    }
+
+    /// Name of the contact.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Name of the link.
+    pub fn link(&self) -> &str {
+        &self.link
+    }
+
+    /// What touches what, and under which laws.
+    pub fn contact(&self) -> &Contact {
+        &self.contact
+    }
+}
+
+/// Two spheres on two links that touch under some laws, with a name.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LinkPair {
+    name: String,
+    links: [String; 2],
+    spheres: [(Vector3<f64>, f64); 2],
+    law: ContactLaw,
+}
+
+impl LinkPair {
+    /// Two spheres, each by link, centre in the frame of the link and radius, m, and a law.
+    pub fn try_new(
+        name: impl Into<String>,
+        first: (impl Into<String>, Vector3<f64>, f64),
+        second: (impl Into<String>, Vector3<f64>, f64),
+        law: impl Into<ContactLaw>,
+    ) -> Result<Self, ContactError> {
+        let links = [first.0.into(), second.0.into()];
+        let spheres = [(first.1, first.2), (second.1, second.2)];
+        for (centre, radius) in spheres {
+            BodySphere::try_new(0, centre, radius)?;
+        }
+        let [a, b] = &links;
+        if a == b {
+            return Err(ContactError::SameLink { link: a.clone() });
+        }
+        Ok(Self { name: name.into(), links, spheres, law: law.into() })
+    }
+
+    /// Name of the contact.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Names of the links.
+    pub fn links(&self) -> &[String; 2] {
+        &self.links
+    }
+}
+
+/// The contacts of a tree: those with surfaces first, then the pairs.
+#[derive(Debug, Clone)]
+pub struct TreeContacts {
+    names: Vec<String>,
+    contacts: BodyContacts,
+    /// Of the links, kg.
+    masses: Vec<f64>,
+    /// What each contact's speed is at most over the root of the energy, 1/√kg.
+    mobilities: Vec<f64>,
+}
+
+impl TreeContacts {
+    /// Contacts of the bodies of a model.
+    pub fn try_new(
+        model: &Model,
+        on_surfaces: Vec<LinkContact>,
+        pairs: Vec<LinkPair>,
+    ) -> Result<Self, ContactError> {
+        let mut names = Vec::with_capacity(on_surfaces.len() + pairs.len());
+        let number = |argument, link: String| {
+            model.body(&link).map_err(|_| ContactError::NoLink { argument, found: link })
+        };
+        let (mut placed, mut paired) = (Vec::new(), Vec::new());
+        for LinkContact { name, link, contact } in on_surfaces {
+            placed.push((number("link", link)?, contact));
+            names.push(name);
+        }
+        for LinkPair { name, links: [a, b], spheres: [first, second], law } in pairs {
+            let sphere = |link, (centre, radius): (Vector3<f64>, f64)| {
+                BodySphere::try_new(number("links", link)?, centre, radius)
+            };
+            paired.push(SpherePair::try_new(sphere(a, first)?, sphere(b, second)?, law)?);
+            names.push(name);
+        }
+        let mut seen = HashSet::new();
+        if let Some(name) = names.iter().find(|name| !seen.insert(name.as_str())) {
+            return Err(ContactError::DuplicateName { name: name.clone() });
+        }
+        let contacts = BodyContacts::try_new(model.n_bodies(), placed, paired)?;
+        let masses = model.links().iter().map(|link| link.mass_properties().mass).collect();
+        let root = |link: usize, point: &Vector3<f64>, radius: f64| {
+            Ok::<_, ContactError>((2.0 * mobility_bound(model, link, point, radius)?).sqrt())
+        };
+        let mobility = |part: Part<'_>| match part {
+            Part::Surface(link, contact) => {
+                let shape = contact.shape();
+                root(link, shape.centre(), shape.reach() - shape.centre().norm())
+            }
+            Part::Pair(pair) => {
+                let [a, b] = pair.spheres();
+                Ok(root(a.body(), a.centre(), 0.0)? + root(b.body(), b.centre(), 0.0)?)
+            }
+        };
+        let mobilities = contacts.parts().map(mobility).collect::<Result<_, _>>()?;
+        Ok(Self { names, contacts, masses, mobilities })
+    }
+
+    /// Number of contacts.
+    pub fn len(&self) -> usize {
+        self.names.len()
+    }
+
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.names.is_empty()
+    }
+
+    /// Names of the contacts, in their order.
+    pub fn names(&self) -> &[String] {
+        &self.names
+    }
+
+    /// The number of the contact that a guard belongs to.
+    pub fn of_guard(&self, guard: usize) -> usize {
+        guard % self.len().max(1)
+    }
+
+    /// The number of the link of contact `i`, or of its first link, and that of the second of a pair.
+    pub fn links(&self, i: usize) -> Result<(usize, Option<usize>), ContactError> {
+        match self.part(i)? {
+            Part::Surface(link, _) => Ok((link, None)),
+            Part::Pair(pair) => {
+                let [a, b] = pair.spheres();
+                Ok((a.body(), Some(b.body())))
+            }
+        }
+    }
+
+    /// The laws of the contacts, in their order.
+    pub fn laws(&self) -> impl Iterator<Item = &ContactLaw> {
+        self.contacts.laws()
+    }
+
+    pub(super) fn part(&self, i: usize) -> Result<Part<'_>, ContactError> {
+        let unknown = ContactError::NoContact { found: i, contacts: self.len() };
+        self.contacts.parts().nth(i).ok_or(unknown)
+    }
+
+    pub(super) fn parts(&self) -> impl Iterator<Item = Part<'_>> {
+        self.contacts.parts()
+    }
+
+    /// What the speed of contact `i` is at most over the root of the energy.
+    pub(super) fn mobility(&self, i: usize) -> f64 {
+        self.mobilities[i]
+    }
+
+    /// The encounter of a contact, and on what it acts.
+    #[inline]
+    pub(super) fn meet(&self, part: &Part<'_>, bodies: &Velocities<'_>) -> (Encounter, Hold) {
+        part.meet(|link| frame(bodies, link), |link| self.masses[link])
+    }
+}
+
+/// How the frame of a link stands and moves; NaN of one that is not there.
+#[inline]
+pub(super) fn frame(bodies: &Velocities<'_>, link: usize) -> Frame {
+    match (bodies.positions().pose(link), bodies.velocity(link)) {
+        (Ok(pose), Ok(motion)) => Frame {
+            origin: pose.translation,
+            rotation: pose.rotation,
+            velocity: pose.rotation * motion.linear,
+            angular_velocity: pose.rotation * motion.angular,
+        },
+        (Err(_), _) | (_, Err(_)) => {
+            let none = Vector3::repeat(f64::NAN);
+            Frame {
+                origin: none,
+                rotation: Matrix3::repeat(f64::NAN),
+                velocity: none,
+                angular_velocity: none,
+            }
+        }
+    }
+}

@@ -1,0 +1,134 @@
+//! A pose at rest: where weight, forces and contacts are in equilibrium.
+//!
+//! Unknown are the positions q = q₀ ⊕ d. The stretch of friction is any that friction can hold; here it is the one that carries
+//! the load at the guess, and what the contact moves from there, ξ = ξ₀ + (1 − n nᵀ) J(q₀) d. Newton's method solves
+//!
+//! ```text
+//! τ(t, q, 0) − g(q) + Σ Jᵢᵀ Fᵢ(gap(q), 0, 0, ξᵢ) = 0
+//! ```
+//! with differences for its matrix, and the least d where the equations leave some of it open.
+
+use super::report::Touch;
+use super::system::{TouchingState, TreeInContact};
+use crate::encounters::Encounters;
+use crate::error::ContactError;
+use crate::laws::ContactMode;
+use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
+use somersault_integrators::force::Wrench;
+use somersault_multibody::motion::{JointDrive, TreeForces, TreeState};
+
+/// Most steps of Newton's method.
+const MOST: u32 = 60;
+
+/// How far a joint is moved for a difference.
+const MOVE: f64 = 1e-7;
+
+/// The outcome of a search for a pose at rest.
+#[derive(Debug, Clone)]
+pub struct Standing {
+    /// The pose, at rest, with the stretches that hold it.
+    pub state: TouchingState,
+    /// The largest joint force that is left, N or N m.
+    pub residual: f64,
+    /// Whether that is zero to rounding, and every contact that is closed sticks.
+    pub is_held: bool,
+    /// Steps of Newton's method.
+    pub iterations: u32,
+}
+
+impl<F: TreeForces, D: JointDrive> TreeInContact<'_, F, D> {
+    /// A pose at rest near the positions `q`, under the forces at time `t`. Nothing is said about its stability.
+    ///
+    /// Where there is none, or none that friction holds, the best found is returned and [`is_held`](Standing::is_held) is
+    /// false. Errors: positions that do not fit the tree.
+    pub fn standing(&self, t: f64, q: &[f64]) -> Result<Standing, ContactError> {
+        let n = self.model().n_velocities();
+        let rest = vec![0.0; n];
+        let guess = self.loaded(t, self.model().state(q, &rest)?)?;
+        let ways = self.ways(&guess)?;
+        let (mut d, mut best) = (DVector::zeros(n), None::<(f64, DVector<f64>)>);
+        let (mut iterations, mut scale) = (0, f64::INFINITY);
+        while iterations < MOST {
+            let (left, size) = self.left(t, &self.moved(&guess, &ways, &d)?)?;
+            scale = size;
+            let residual = left.amax();
+            if !residual.is_finite() || best.as_ref().is_some_and(|(least, _)| residual > 1e3 * least) {
+                break;
+            }
+            let has_improved = best.as_ref().is_none_or(|(least, _)| residual < 0.5 * least);
+            if best.as_ref().is_none_or(|(least, _)| residual < *least) {
+                best = Some((residual, d.clone()));
+            }
+            if residual <= 1e-14 * size || (residual <= 1e-11 * size && !has_improved) {
+                break;
+            }
+            iterations += 1;
+            let column = |k: usize| -> Result<DVector<f64>, ContactError> {
+                let at = |sign: f64| {
+                    let mut near = d.clone();
+                    near[k] += sign * MOVE;
+                    Ok::<_, ContactError>(self.left(t, &self.moved(&guess, &ways, &near)?)?.0)
+                };
+                Ok((at(1.0)? - at(-1.0)?) * (0.5 / MOVE))
+            };
+            let columns = (0..n).map(column).collect::<Result<Vec<_>, _>>()?;
+            let svd = DMatrix::from_columns(&columns).svd(true, true);
+            let Ok(mut step) = svd.solve(&left, 1e-9 * svd.singular_values.max()) else { break };
+            // A step of a pose, in m and rad: the forces are linear over little more than that.
+            let length = step.amax();
+            if length > 0.1 {
+                step *= 0.1 / length;
+            }
+            d -= step;
+        }
+        let (residual, d) = best.unwrap_or((f64::INFINITY, DVector::zeros(n)));
+        let state = self.moved(&guess, &ways, &d)?;
+        let sticks = self.touches(&state).iter().all(|touch| touch.mode != ContactMode::Slip);
+        Ok(Standing { state, residual, is_held: residual <= 1e-10 * scale && sticks, iterations })
+    }
+
+    /// How each contact that is closed moves in its plane by the joints.
+    fn ways(&self, guess: &TouchingState) -> Result<Vec<Matrix3xX<f64>>, ContactError> {
+        let way = |touch: Touch| {
+            let plane = if touch.mode.is_open() {
+                Matrix3::zeros()
+            } else {
+                Matrix3::identity() - touch.normal * touch.normal.transpose()
+            };
+            Ok(plane * self.contact_jacobian(touch.contact, guess)?)
+        };
+        self.touches(guess).into_iter().map(way).collect()
+    }
+
+    /// The guess with its joints moved by d, and its stretches with them.
+    fn moved(
+        &self,
+        guess: &TouchingState,
+        ways: &[Matrix3xX<f64>],
+        d: &DVector<f64>,
+    ) -> Result<TouchingState, ContactError> {
+        let (model, q0) = (self.model(), guess.configuration.0.as_slice());
+        let mut q = q0.to_vec();
+        model.displace(q0, d.as_slice(), &mut q)?;
+        let state: TreeState = model.state(&q, &vec![0.0; model.n_velocities()])?;
+        let moved = |(stretch, way): (&Vector3<f64>, &Matrix3xX<f64>)| stretch + way * d;
+        self.stretched(state, guess.rate.variables.iter().zip(ways).map(moved).collect())
+    }
+
+    /// The joint forces that are left at rest, and their size: that of the weight and of the contacts.
+    fn left(&self, t: f64, x: &TouchingState) -> Result<(DVector<f64>, f64), ContactError> {
+        let (model, q) = (self.model(), x.configuration.0.as_slice());
+        let n = model.n_velocities();
+        let mut left = DVector::zeros(n);
+        let mut efforts: Vec<Wrench> = Vec::new();
+        self.each_encounter(&x.configuration.0, &x.rate.base, |i, law, at| {
+            let stretch = &x.rate.variables[i];
+            efforts.push(law.effort_in(&law.mode(at, stretch), at, stretch));
+        });
+        let found = self.rest_forces(t, q, &efforts)?;
+        left.as_mut_slice().copy_from_slice(&found);
+        let size = model.mass() * model.gravity().norm()
+            + efforts.iter().map(|effort| effort.force.norm()).sum::<f64>();
+        Ok((left, size.max(f64::MIN_POSITIVE)))
+    }
+}

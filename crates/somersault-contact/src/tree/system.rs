@@ -1,0 +1,464 @@
+//! A tree in contact as a system with modes.
+
+use super::contacts::{LinkContact, LinkPair, TreeContacts, frame};
+use crate::bodies::{Part, SpherePair};
+use crate::contacts::is_free;
+use crate::encounters::{self, Encounters, Stretched, reset};
+use crate::error::ContactError;
+use crate::event::EventKind;
+use crate::laws::{ContactLaw, ContactMode, ContactRate, Encounter, Mobility};
+use crate::load;
+use crate::surface::SurfaceFault;
+use crate::sweep::PointSweep;
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn, Matrix3, Vector3};
+use somersault_integrators::augmented::{Augmented, AugmentedRate};
+use somersault_integrators::driver::IntegrateError;
+use somersault_integrators::events::{Energy, Guard, Hybrid, Sweep};
+use somersault_integrators::force::Wrench;
+use somersault_integrators::state::State;
+use somersault_integrators::system::{Fault, OneForm, System};
+use somersault_multibody::motion::{
+    BodyWrenches, Coordinates, JointDrive, LinkBound, LinkBounds, Rates, TreeForces, TreeState, TreeSystem,
+    TreeWorkspace,
+};
+use somersault_multibody::{Axes, Data, DynamicsError, Force, Model, Transform, Velocities};
+use std::cell::RefCell;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Positions of a tree and their rates, and the stretches of its contacts beside the rates.
+pub type TouchingState = State<Augmented<Coordinates>>;
+/// The rate of one.
+pub type TouchingRate = AugmentedRate<Rates>;
+
+/// A tree in contact: see the [module](crate::tree).
+///
+/// As a [`System`] in its own right it switches each contact by its state, which costs any method its order, and keeps the
+/// stretches of contacts that have ended: friction with a stretch needs a run that locates events.
+#[derive(Debug)]
+pub struct TreeInContact<'m, F = (), D = ()> {
+    tree: TreeSystem<'m, F, D>,
+    contacts: TreeContacts,
+    /// How fast the root of the energy grows at most by the weight, √J/s.
+    growth: f64,
+    room: Mutex<Room>,
+}
+
+/// Room for what is asked between steps.
+#[derive(Debug)]
+struct Room {
+    data: Data,
+    v: Vec<f64>,
+    bounds: LinkBounds,
+}
+
+impl<'m, F: TreeForces, D: JointDrive> TreeInContact<'m, F, D> {
+    /// A tree, its contacts with surfaces, and those between its links.
+    pub fn try_new(
+        tree: TreeSystem<'m, F, D>,
+        on_surfaces: Vec<LinkContact>,
+        pairs: Vec<LinkPair>,
+    ) -> Result<Self, ContactError> {
+        let model = tree.model();
+        let contacts = TreeContacts::try_new(model, on_surfaces, pairs)?;
+        let room = Room {
+            data: Data::new(model),
+            v: vec![0.0; model.n_velocities()],
+            bounds: LinkBounds::new(model),
+        };
+        let growth = model.gravity().norm() * (0.5 * model.mass()).sqrt();
+        Ok(Self { tree, contacts, growth, room: Mutex::new(room) })
+    }
+
+    /// The tree.
+    pub fn model(&self) -> &Model {
+        self.tree.model()
+    }
+
+    /// The tree without its contacts.
+    pub fn tree(&self) -> &TreeSystem<'m, F, D> {
+        &self.tree
+    }
+
+    /// The contacts.
+    pub fn contacts(&self) -> &TreeContacts {
+        &self.contacts
+    }
+
+    /// A state with unstretched contacts.
+    pub fn unstretched(&self, x: TreeState) -> TouchingState {
+        encounters::unstretched(self, x)
+    }
+
+    /// A state with given stretches, m, of which the part in the plane of contact counts; none of open contacts.
+    pub fn stretched(
+        &self,
+        x: TreeState,
+        stretches: Vec<Vector3<f64>>,
+    ) -> Result<TouchingState, ContactError> {
+        encounters::stretched(self, x, stretches)
+    }
+
+    /// A state whose stretches carry the load at time t, as far as friction can, as of
+    /// [`WithStretches::loaded`](crate::stretches::WithStretches::loaded).
+    pub fn loaded(&self, t: f64, x: TreeState) -> Result<TouchingState, ContactError> {
+        let Some(factor) = self.factor(x.configuration.as_slice())? else { return Ok(self.unstretched(x)) };
+        let upper = factor.l().transpose();
+        let w = RefCell::new(self.workspace());
+        Ok(load::loaded(self, x, |x, effort| {
+            let pressing =
+                Pressing { contacts: &self.contacts, effort: RefCell::new(effort), is_open: &|_| false };
+            let (q, p) = (&x.configuration, &x.rate);
+            match self.tree.dynamics_under(&mut w.borrow_mut(), t, (q, p), Some(&pressing)) {
+                Ok(found) => &upper * DVector::from_column_slice(found.acceleration),
+                Err(_) => DVector::from_element(upper.ncols(), f64::NAN),
+            }
+        }))
+    }
+
+    /// τ(t, q, 0) − g(q) + Σ Jᵀ F: the joint forces that are left of the tree at rest under efforts of its contacts.
+    pub(super) fn rest_forces(
+        &self,
+        t: f64,
+        q: &[f64],
+        efforts: &[Wrench],
+    ) -> Result<Vec<f64>, DynamicsError> {
+        let model = self.model();
+        let (mut data, rest) = (Data::new(model), vec![0.0; model.n_velocities()]);
+        let mut wrenches = vec![Force::zero(); model.n_bodies()];
+        let mut torque = rest.clone();
+        self.tree.forces().add_torque(t, q, &rest, &mut torque);
+        let bodies = model.velocities(&mut data, q, &rest)?;
+        if let Some(forces) = self.tree.forces().wrenches() {
+            forces.add_wrenches(t, &bodies, &mut wrenches);
+        }
+        let effort = |i: usize, _: &ContactLaw, _: &Encounter| efforts[i];
+        let pressing =
+            Pressing { contacts: &self.contacts, effort: RefCell::new(effort), is_open: &|_| false };
+        pressing.add_wrenches(t, &bodies, &mut wrenches);
+        let needed = model.inverse_dynamics(&mut data, q, &rest, &rest, &wrenches)?;
+        torque.iter_mut().zip(needed).for_each(|(torque, needed)| *torque -= needed);
+        Ok(torque)
+    }
+
+    /// The factor of the mass matrix, unless that is singular.
+    pub(super) fn factor(&self, q: &[f64]) -> Result<Option<Cholesky<f64, Dyn>>, DynamicsError> {
+        Ok(self.model().mass_matrix(&mut Data::new(self.model()), q)?.clone().cholesky())
+    }
+
+    fn room(&self) -> MutexGuard<'_, Room> {
+        self.room.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Shows the poses and velocities of the links; `None` where the state is of another tree.
+    pub(super) fn seen<R>(
+        &self,
+        (q, p): (&Coordinates, &Rates),
+        see: impl FnOnce(&Velocities<'_>) -> R,
+    ) -> Option<R> {
+        let model = self.model();
+        let Room { data, v, .. } = &mut *self.room();
+        model.joint_velocities_at((q, p), v).ok()?;
+        model.velocities(data, q.as_slice(), v).ok().map(|bodies| see(&bodies))
+    }
+
+    /// Energy of the springs of contacts, friction, and the potential of the forces; `None` where that may give energy.
+    fn energy_of(&self, bodies: &Velocities<'_>, (q, p): Stretched<'_, Coordinates>) -> Option<Energy> {
+        let potential = self.tree.potential(q.0.as_slice())? + bodies.positions().potential_energy();
+        let springs = self.springs(bodies, &p.variables);
+        Some(Energy { kinetic: bodies.kinetic_energy(), springs, potential })
+    }
+
+    /// Energy of the springs of contacts and friction, J.
+    pub(super) fn springs(&self, bodies: &Velocities<'_>, stretches: &[Vector3<f64>]) -> f64 {
+        let of = |(part, stretch): (Part<'_>, &Vector3<f64>)| {
+            part.law().energy(self.contacts.meet(&part, bodies).0.gap, stretch)
+        };
+        self.contacts.parts().zip(stretches).map(of).sum()
+    }
+
+    /// The root of the energy that can become motion, √J: kinetic energy, springs and the potential of the forces, none of
+    /// which is negative. By the weight it grows at √(M/2) g at most, since no more than all of it moves the centre of mass.
+    fn root_of_energy(&self, bodies: &Velocities<'_>, (q, p): Stretched<'_, Coordinates>) -> Option<f64> {
+        let potential = self.tree.potential(q.0.as_slice())?;
+        let energy = bodies.kinetic_energy() + self.springs(bodies, &p.variables) + potential;
+        Some(energy.max(0.0).sqrt())
+    }
+
+    /// The sweep of the gap of a contact, given the bounds of the links, and the largest root of the energy if it is known.
+    fn sweep(
+        &self,
+        i: usize,
+        part: &Part<'_>,
+        bodies: &Velocities<'_>,
+        links: &[LinkBound],
+        root: Option<f64>,
+        h: f64,
+    ) -> Sweep {
+        let proved = root.map(|root| root * self.contacts.mobility(i)).filter(|speed| speed.is_finite());
+        match part {
+            Part::Surface(link, contact) => {
+                let (shape, at, bound) = (contact.shape(), frame(bodies, *link), &links[*link]);
+                let lever = shape.reach();
+                let point = PointSweep {
+                    centre: at.origin + at.rotation * shape.centre(),
+                    time: h,
+                    speed: bound.speed_at(lever),
+                    acceleration: bound.acceleration_at(lever),
+                    size: at.origin.amax() + lever,
+                };
+                let sweep = contact.sweep_of(&point);
+                let constant = contact.surface().lipschitz();
+                Sweep { speed: proved.map_or(sweep.speed, |speed| constant * speed), ..sweep }
+            }
+            Part::Pair(pair) => {
+                let ends = pair.spheres().each_ref().map(|sphere| {
+                    let (bound, lever) = (&links[sphere.body()], sphere.centre().norm());
+                    let size = frame(bodies, sphere.body()).origin.amax() + lever;
+                    (bound.speed_at(lever), bound.acceleration_at(lever), size)
+                });
+                let [a, b] = ends;
+                Sweep { speed: proved.unwrap_or(a.0 + b.0), fall: a.1 + b.1, size: a.2 + b.2 }
+            }
+        }
+    }
+
+    /// The velocity of the first relative to the second at the point of contact `i`, by the velocities of the joints: linear
+    /// and angular part, world axes, 6 × [`n_velocities`](Model::n_velocities).
+    pub(super) fn relative_jacobian(
+        &self,
+        i: usize,
+        bodies: &Velocities<'_>,
+    ) -> Result<DMatrix<f64>, ContactError> {
+        let (at, hold) = self.contacts.meet(&self.contacts.part(i)?, bodies);
+        let n = self.model().n_velocities();
+        let of = |link: usize| {
+            let positions = bodies.positions();
+            let pose = positions.pose(link)?;
+            let point = pose.rotation.tr_mul(&(at.point - pose.translation));
+            let mut out = DMatrix::zeros(6, n);
+            positions.jacobian_into(link, &Transform::translation(point), Axes::World, &mut out)?;
+            Ok::<_, ContactError>(out)
+        };
+        let first = of(hold.first.0)?;
+        match hold.second {
+            Some((link, _)) => Ok(first - of(link)?),
+            None => Ok(first),
+        }
+    }
+}
+
+/// The mobility of a contact: J M⁻¹ Jᵀ in the directions that laws act in.
+fn mobility(jacobian: &DMatrix<f64>, factor: &Cholesky<f64, Dyn>, normal: &Vector3<f64>) -> Mobility {
+    let solved = factor.solve(&jacobian.transpose());
+    let whole = jacobian * solved;
+    let block = |at: usize| -> Matrix3<f64> { whole.fixed_view::<3, 3>(at, at).into() };
+    let largest = |matrix: &Matrix3<f64>| ((matrix + matrix.transpose()) * 0.5).symmetric_eigenvalues().max();
+    let (linear, angular) = (block(0), block(3));
+    Mobility {
+        normal: normal.dot(&(linear * normal)),
+        tangential: largest(&linear),
+        turning: largest(&angular),
+    }
+}
+
+/// The efforts of contacts as wrenches on links.
+struct Pressing<'a, E> {
+    contacts: &'a TreeContacts,
+    effort: RefCell<E>,
+    is_open: &'a dyn Fn(usize) -> bool,
+}
+
+impl<E: FnMut(usize, &ContactLaw, &Encounter) -> Wrench> BodyWrenches for Pressing<'_, E> {
+    fn add_wrenches(&self, _: f64, bodies: &Velocities<'_>, wrenches: &mut [Force<f64>]) {
+        let mut effort = self.effort.borrow_mut();
+        for (i, part) in self.contacts.parts().enumerate() {
+            if (self.is_open)(i) {
+                continue;
+            }
+            let (at, hold) = self.contacts.meet(&part, bodies);
+            hold.press(&effort(i, part.law(), &at), |link, wrench| {
+                let turn = frame(bodies, link).rotation;
+                wrenches[link] += Force::new(turn.tr_mul(&wrench.force), turn.tr_mul(&wrench.torque));
+            });
+        }
+    }
+}
+
+impl<F: TreeForces, D: JointDrive> Encounters<Coordinates> for TreeInContact<'_, F, D> {
+    fn laws(&self) -> impl Iterator<Item = &ContactLaw> {
+        self.contacts.laws()
+    }
+
+    fn each_encounter(
+        &self,
+        q: &Coordinates,
+        p: &Rates,
+        mut see: impl FnMut(usize, &ContactLaw, &Encounter),
+    ) {
+        self.seen((q, p), |bodies| {
+            for (i, part) in self.contacts.parts().enumerate() {
+                see(i, part.law(), &self.contacts.meet(&part, bodies).0);
+            }
+        });
+    }
+}
+
+impl<F: TreeForces, D: JointDrive> System for TreeInContact<'_, F, D> {
+    type Configuration = Augmented<Coordinates>;
+    type Forms = OneForm;
+    type Workspace = TreeWorkspace;
+
+    fn workspace(&self) -> TreeWorkspace {
+        self.tree.workspace_for_wrenches()
+    }
+
+    fn acceleration(&self, w: &mut TreeWorkspace, t: f64, x: &TouchingState, out: &mut TouchingRate) {
+        self.acceleration_in(&self.mode(t, x), w, t, x, out);
+    }
+
+    fn take_fault(&self) -> Option<Fault> {
+        self.tree.take_fault()
+    }
+}
+
+#[deny(clippy::missing_trait_methods)]
+impl<F: TreeForces, D: JointDrive> Hybrid for TreeInContact<'_, F, D> {
+    type Mode = Vec<ContactMode>;
+    type Kind = EventKind;
+    type Fault = SurfaceFault;
+    const RESETS: bool = true;
+
+    fn check(&self) -> Result<(), IntegrateError> {
+        Ok(())
+    }
+
+    fn mode(&self, _: f64, x: &TouchingState) -> Vec<ContactMode> {
+        encounters::modes(self, (&x.configuration, &x.rate))
+    }
+
+    fn next_mode(&self, before: &Vec<ContactMode>, _: f64, x: &TouchingState) -> Vec<ContactMode> {
+        encounters::next_modes(self, before, (&x.configuration, &x.rate))
+    }
+
+    fn event_kind(
+        &self,
+        guard: usize,
+        before: &Guard,
+        after: &Guard,
+        modes: (&Vec<ContactMode>, &Vec<ContactMode>),
+    ) -> EventKind {
+        EventKind::of_guard(modes.0.len(), guard, before, after)
+    }
+
+    fn guards(&self, mode: &Vec<ContactMode>, _: f64, x: &TouchingState, out: &mut Vec<Guard>) {
+        encounters::guards(self, mode, (&x.configuration, &x.rate), out);
+    }
+
+    fn sweeps(
+        &self,
+        _: &Vec<ContactMode>,
+        _: f64,
+        h: f64,
+        (before, after): (&TouchingState, &TouchingState),
+        out: &mut Vec<Sweep>,
+    ) {
+        let Room { data, bounds, .. } = &mut *self.room();
+        let ends = [before, after].map(|x| (&x.configuration.0, &x.rate.base));
+        let Ok((bodies, links)) = bounds.between(self.model(), data, ends, h) else { return };
+        let root = self.root_of_energy(&bodies, (&before.configuration, &before.rate));
+        let root = root.map(|root| root + self.growth * h);
+        let parts = self.contacts.parts().enumerate();
+        out.extend(parts.map(|(i, part)| self.sweep(i, &part, &bodies, links, root, h)));
+    }
+
+    fn clear_time(
+        &self,
+        mode: &Vec<ContactMode>,
+        _: f64,
+        x: &TouchingState,
+        guards: &[Guard],
+        horizon: f64,
+    ) -> f64 {
+        if !is_free(mode) {
+            return 0.0;
+        }
+        let root = self.seen((&x.configuration.0, &x.rate.base), |bodies| {
+            self.root_of_energy(bodies, (&x.configuration, &x.rate))
+        });
+        let Some(root) = root.flatten().map(|root| root + self.growth * horizon) else { return 0.0 };
+        self.contacts.parts().zip(guards).enumerate().fold(horizon, |least, (i, (part, guard))| {
+            let constant = match part {
+                Part::Surface(_, contact) => contact.surface().lipschitz(),
+                Part::Pair(_) => 1.0,
+            };
+            let speed = constant * root * self.contacts.mobility(i);
+            least.min(Sweep { speed, ..Sweep::UNKNOWN }.clear_time(guard.gap))
+        })
+    }
+
+    fn examine(&self, guard: usize, x: &TouchingState) -> Result<(), SurfaceFault> {
+        let Ok(part) = self.contacts.part(guard) else { return Ok(()) };
+        let examined = self.seen((&x.configuration.0, &x.rate.base), |bodies| match &part {
+            Part::Surface(link, contact) => contact.examine_on(&frame(bodies, *link)),
+            Part::Pair(_) => SpherePair::examine_at(&self.contacts.meet(&part, bodies).0),
+        });
+        examined.unwrap_or(Ok(()))
+    }
+
+    fn stiffest_rate(&self, mode: &Vec<ContactMode>, x: &TouchingState) -> f64 {
+        if is_free(mode) {
+            return 0.0;
+        }
+        // Where the mass matrix is singular the equations say so themselves.
+        let Ok(Some(factor)) = self.factor(x.configuration.0.as_slice()) else { return 0.0 };
+        let rates = self.seen((&x.configuration.0, &x.rate.base), |bodies| {
+            let closed = self.contacts.parts().zip(mode).enumerate().filter(|(_, (_, mode))| !mode.is_open());
+            let rate = |(i, (part, _)): (usize, (Part<'_>, &ContactMode))| {
+                let (at, _) = self.contacts.meet(&part, bodies);
+                let jacobian = self.relative_jacobian(i, bodies).ok()?;
+                Some(part.law().rate(&at, &mobility(&jacobian, &factor, &at.normal)))
+            };
+            closed.filter_map(rate).sum::<ContactRate>()
+        });
+        rates.unwrap_or_default().bound()
+    }
+
+    fn energy(&self, x: &TouchingState) -> Option<Energy> {
+        let stretched = (&x.configuration, &x.rate);
+        self.seen((&x.configuration.0, &x.rate.base), |bodies| self.energy_of(bodies, stretched)).flatten()
+    }
+
+    fn acceleration_in(
+        &self,
+        mode: &Vec<ContactMode>,
+        w: &mut TreeWorkspace,
+        t: f64,
+        x: &TouchingState,
+        AugmentedRate { base, variables }: &mut TouchingRate,
+    ) {
+        variables.fill(Vector3::zeros());
+        let at = (&x.configuration.0, &x.rate.base);
+        if is_free(mode) {
+            self.tree.acceleration_under(w, t, at, None, base);
+            return;
+        }
+        let stretches = &x.rate.variables;
+        let effort = |i: usize, law: &ContactLaw, at: &Encounter| {
+            let (wrench, stretch_rate) = law.response_in(&mode[i], at, &stretches[i]);
+            variables[i] = stretch_rate;
+            wrench
+        };
+        let is_open = |i: usize| mode[i].is_open();
+        let pressing = Pressing { contacts: &self.contacts, effort: RefCell::new(effort), is_open: &is_open };
+        self.tree.acceleration_under(w, t, at, Some(&pressing), base);
+    }
+
+    /// Contacts begin and end without stretch.
+    fn reset(&self, _: f64, before: &Vec<ContactMode>, after: &Vec<ContactMode>, x: &mut TouchingState) {
+        reset(before, after, &mut x.rate.variables);
+    }
+
+    fn impulse(&self, guard: usize, h: f64, before: &Guard, after: &Guard) -> f64 {
+        self.contacts.laws().nth(guard).map_or(0.0, |law| law.normal().impulse(h, before, after))
+    }
+}

@@ -1,0 +1,219 @@
+//! Random trees dropped on random ground: no contact is missed, no energy comes from nothing, every run ends with a status.
+//!
+//! A step whose contacts are all open at both ends is made again without contacts in short parts by another method, and the
+//! gaps are looked at in between.
+
+use nalgebra::Vector3;
+use somersault_contact::contacts::Contact;
+use somersault_contact::laws::compliant::CompliantLaw;
+use somersault_contact::laws::coulomb::CoulombFriction;
+use somersault_contact::laws::{ContactLaw, ContactMode};
+use somersault_contact::surface::{
+    CylindricalSurface, HalfSpace, SignedDistance, Solid, SphericalSurface, Surface,
+};
+use somersault_contact::tree::{LinkContact, LinkPair, TreeInContact};
+use somersault_integrators::augmented::Augmented;
+use somersault_integrators::driver::{Adaptive, Flow, Observer, Step, Steps, TimeGrid};
+use somersault_integrators::events::{Hybrid, Interruption, Location};
+use somersault_integrators::methods::Method;
+use somersault_integrators::run::Run;
+use somersault_integrators::state::State;
+use somersault_multibody::motion::{Coordinates, TreeSystem};
+use somersault_multibody::{Joint, Link, Model};
+use somersault_testkit::trees::Random;
+use std::sync::Arc;
+
+/// A ring about the z-axis: a distance without a bound of its second derivative.
+#[derive(Debug)]
+struct Ring;
+
+impl Surface for Ring {
+    fn signed_distance(&self, point: &Vector3<f64>) -> SignedDistance {
+        let across = point.x.hypot(point.y);
+        let out = Vector3::new(point.x / across, point.y / across, 0.0);
+        let arm = out * (across - 0.6) + Vector3::z() * point.z;
+        SignedDistance { distance: arm.norm() - 0.3, gradient: arm.normalize() }
+    }
+    fn lipschitz(&self) -> f64 {
+        1.0
+    }
+}
+
+fn ground(random: &mut Random) -> Arc<dyn Surface> {
+    let tilt = random.vector(0.2);
+    match random.below(5) {
+        0 => Arc::new(HalfSpace::ground()),
+        1 => Arc::new(HalfSpace::try_new(Vector3::zeros(), Vector3::z() + tilt).unwrap()),
+        2 => Arc::new(SphericalSurface::try_new(Vector3::z() * -0.7 + tilt, 0.7, Solid::Inside).unwrap()),
+        3 => {
+            let centre = Vector3::z() * 2.0 + tilt;
+            let axis = Vector3::x() + tilt;
+            Arc::new(CylindricalSurface::try_new(centre, axis, 2.2, Solid::Outside).unwrap())
+        }
+        _ => Arc::new(Ring),
+    }
+}
+
+/// A free chain or tree of up to four links with all kinds of joints but planar and free ones within.
+fn tree(random: &mut Random) -> Model {
+    let n = 1 + random.below(4);
+    let mut builder = Model::builder();
+    for i in 0..n {
+        let mut body = random.body();
+        body.center *= 0.3;
+        let link = if i == 0 {
+            Link::root("b0", Joint::Free, body)
+        } else {
+            let joint = match random.below(4) {
+                0 => Joint::Fixed,
+                1 => Joint::Spherical,
+                _ => Joint::Revolute { axis: random.vector(1.0) },
+            };
+            let parent = i - 1 - random.below(i.min(2));
+            Link::child(format!("b{i}"), format!("b{parent}"), joint, body)
+                .at(random.vector(0.3))
+                .with_damping(random.within(0.0, 0.05))
+        };
+        builder.add(link).unwrap();
+    }
+    builder.build().unwrap()
+}
+
+struct Watch<'a> {
+    system: &'a TreeInContact<'a>,
+    free: &'a TreeSystem<'a>,
+    case: u64,
+    last: f64,
+    scale: f64,
+    looked_at: u64,
+}
+
+impl Observer<Augmented<Coordinates>> for Watch<'_> {
+    fn observe(&mut self, step: &mut Step<'_, Augmented<Coordinates>>) -> Flow {
+        let energy = self.system.energy(step.after).unwrap();
+        self.scale = self.scale.max(energy.kinetic + energy.springs);
+        let total = energy.total();
+        let gain = total - self.last;
+        assert!(
+            gain <= 2e-6 * self.scale,
+            "{}: gains {gain:e} of {} at {}",
+            self.case,
+            self.scale,
+            step.t_after
+        );
+        self.last = self.last.min(total);
+        let is_open = |x: &State<Augmented<Coordinates>>| {
+            self.system.touches(x).iter().all(|touch| touch.mode == ContactMode::Open && touch.gap > 0.0)
+        };
+        if is_open(step.before) && is_open(step.after) {
+            let grid = TimeGrid::try_with_steps(step.t_before, step.t_after, 8).unwrap();
+            let mut gaps = Gaps { system: self.system, least: f64::INFINITY };
+            let start = step.before.base();
+            Run::new(self.free, Method::Rkmk, grid).observed_by(&mut gaps).from(&start).unwrap();
+            assert!(
+                gaps.least > -2e-6,
+                "{}: a gap of {:e} in flight at {}",
+                self.case,
+                gaps.least,
+                step.t_after
+            );
+            self.looked_at += 1;
+        }
+        Flow::Continue
+    }
+}
+
+struct Gaps<'a> {
+    system: &'a TreeInContact<'a>,
+    least: f64,
+}
+
+impl Observer<Coordinates> for Gaps<'_> {
+    fn observe(&mut self, step: &mut Step<'_, Coordinates>) -> Flow {
+        let touches = self.system.touches(&self.system.unstretched(step.after.clone()));
+        self.least = touches.iter().fold(self.least, |least, touch| least.min(touch.gap));
+        Flow::Continue
+    }
+}
+
+#[test]
+fn random_trees_that_drop_miss_nothing() {
+    let mut random = Random::new(23);
+    let (mut ends, mut events, mut looked_at) = ([0; 2], 0, 0);
+    for case in 0..240 {
+        let model = tree(&mut random);
+        let surface = ground(&mut random);
+        let n = model.n_bodies();
+        let law = |random: &mut Random| {
+            let stiffness = 10f64.powf(random.within(3.0, 4.5));
+            let normal = CompliantLaw::try_new(stiffness, random.within(0.0, 30.0)).unwrap();
+            let law = ContactLaw::from(normal);
+            if random.below(3) == 0 {
+                return law;
+            }
+            let (coefficient, damping) = (random.within(0.0, 1.0), random.within(10.0, 60.0));
+            law.with_friction(CoulombFriction::try_new(coefficient, 0.7 * stiffness, damping).unwrap())
+        };
+        let mut contacts = Vec::new();
+        for i in 0..n + 1 {
+            let (link, place) = (format!("b{}", i % n), random.vector(0.25));
+            let (law, radius) = (law(&mut random), random.within(0.02, 0.1));
+            let contact = if random.below(2) == 0 {
+                Contact::try_new(place, surface.clone(), law).unwrap()
+            } else {
+                Contact::try_ball(place, radius, surface.clone(), law).unwrap()
+            };
+            contacts.push(LinkContact::new(format!("c{i}"), link, contact));
+        }
+        let mut pairs = Vec::new();
+        if n > 2 {
+            let (a, b) = (random.vector(0.2), random.vector(0.2));
+            let law = law(&mut random);
+            pairs.push(LinkPair::try_new("pair", ("b0", a, 0.05), ("b2", b, 0.05), law).unwrap());
+        }
+        let free = TreeSystem::new(&model, ());
+        let system = TreeInContact::try_new(TreeSystem::new(&model, ()), contacts, pairs).unwrap();
+        let mut q = model.neutral();
+        let mut from = random.numbers(model.n_velocities(), 1.0);
+        from[..3].copy_from_slice(&[0.0; 3]);
+        model.displace(&model.neutral(), &from, &mut q).unwrap();
+        q[2] += 1.2;
+        let v = random.numbers(model.n_velocities(), 3.0);
+        let start = system.unstretched(model.state(&q, &v).unwrap());
+        if system.touches(&start).iter().any(|touch| touch.gap < 0.02) {
+            continue;
+        }
+        let steps = match random.below(3) {
+            0 => TimeGrid::try_new(0.0, 0.7, [0.02, 0.005][random.below(2)]).unwrap().into(),
+            _ => {
+                let tolerance = 10f64.powf(random.within(-10.0, -7.0));
+                Steps::adapted((0.0, 0.7), Adaptive::with_tolerances(tolerance, tolerance))
+            }
+        };
+        let method = [Method::Rkmk8, Method::Rkmk5][random.below(2)];
+        let last = system.ledger(&start).total();
+        let mut watch = Watch { system: &system, free: &free, case, last, scale: 1.0, looked_at: 0 };
+        let run = Run::new(&system, method, steps).observed_by(&mut watch).locating(Location::default());
+        match run.from(&start) {
+            Ok(run) => {
+                ends[0] += 1;
+                events += run.event_count;
+            }
+            Err(broken) => {
+                println!("{case}: {}", broken.reason);
+                assert!(
+                    matches!(
+                        broken.reason,
+                        Interruption::EnergyGain { .. } | Interruption::StepTooLong { .. }
+                    ),
+                    "{case}: {}",
+                    broken.reason
+                );
+                ends[1] += 1;
+            }
+        }
+        looked_at += watch.looked_at;
+    }
+    assert!(ends[0] > 150 && ends[1] < 5, "{ends:?}");
+    assert!(events > 1000 && looked_at > 2000, "{events} {looked_at}");
+}

@@ -1,0 +1,862 @@
+//! Contacts of trees: with surfaces, between links, and what they do.
+
+use crate::contact::contacts::{Contact, GivenLaws};
+use crate::contact::laws::{
+    Resistance, friction_law, laws, normal_law, normal_law_repr, parts, resistance_law,
+};
+use crate::core::callable::Failure;
+use crate::core::convert::{a_type, array, finite_all, sequence, vector_array, vector_or, with_shape};
+use crate::core::error::Error;
+use crate::core::value::{Pickled, brief, by_class, by_restore, counted, few, value};
+use crate::multibody::kinematics::write;
+use crate::multibody::model::Model;
+use numpy::PyArrayDyn;
+use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
+use somersault::contact::event::EventKind;
+use somersault::contact::laws::ContactLaw;
+use somersault::contact::models;
+use somersault::contact::tree::{self, Touch, TouchingState, TreeInContact};
+use somersault::integrators::augmented::Augmented;
+use somersault::integrators::events;
+use somersault::integrators::nalgebra::Vector3;
+use somersault::multibody;
+use somersault::multibody::motion::{Coordinates, JointDrive, TreeForces, TreeSystem};
+
+/// A point, ball or rim of a link of a tree that touches a surface, with a name.
+///
+/// Parameters
+/// ----------
+/// name : str
+///     Name of the contact.
+/// link : str
+///     The body of the model.
+/// contact : Contact
+///     What touches which surface and under which laws. Its lengths are in the frame of the link, from the
+///     origin of that frame.
+///
+/// Examples
+/// --------
+/// >>> from somersault import contact
+/// >>> law = contact.CompliantLaw(1e4, 20.0)
+/// >>> foot = contact.LinkContact("foot", "shank", contact.Contact((0, 0, -0.4), contact.HalfSpace(), law))
+/// >>> foot.name, foot.link
+/// ('foot', 'shank')
+#[pyclass(frozen, module = "somersault.contact")]
+pub(crate) struct LinkContact {
+    name: String,
+    link: String,
+    contact: Py<Contact>,
+}
+
+value! {
+    impl LinkContact(name, link, contact) {
+        /// str: Name of the contact.
+        name: &str = |own| &own.name;
+        /// str: The body of the model.
+        link: &str = |own| &own.link;
+        /// Contact: What touches which surface and under which laws.
+        contact: Py<Contact> = |own, py| own.contact.clone_ref(py);
+        /// Surface or callable: The surface.
+        surface: Py<PyAny> = |own, py| own.contact.get().surface(py);
+    }
+}
+
+#[pymethods]
+impl LinkContact {
+    #[new]
+    fn new(name: String, link: String, contact: Py<Contact>) -> Self {
+        Self { name, link, contact }
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let contact = brief(&self.contact.bind(py).repr()?.to_cow()?, 60);
+        Ok(format!("LinkContact({:?}, {:?}, {contact})", self.name, self.link))
+    }
+}
+
+/// Two spheres fixed on two links of a tree, which touch under some laws, with a name.
+///
+/// Parameters
+/// ----------
+/// name : str
+///     Name of the contact.
+/// links : tuple of str
+///     The two bodies of the model.
+/// radii : tuple of float
+///     Radii of the spheres, m.
+/// law : CompliantLaw or HuntCrossley
+///     Law of the normal force.
+/// centers : tuple of array_like, shape (3,), optional
+///     Centres of the spheres, each in the frame of its link, m; the origins unless given.
+/// friction : CoulombFriction or RegularisedFriction, optional
+///     Law of friction; none unless given.
+/// resistance : Resistance, optional
+///     Resistance to rolling and spinning; none unless given.
+///
+/// Examples
+/// --------
+/// >>> from somersault import contact
+/// >>> knees = contact.LinkPair("knees", ("left", "right"), (0.05, 0.05), contact.CompliantLaw(1e4))
+/// >>> knees.links
+/// ('left', 'right')
+#[pyclass(frozen, module = "somersault.contact")]
+pub(crate) struct LinkPair {
+    pair: tree::LinkPair,
+    radii: [f64; 2],
+    centers: [Vector3<f64>; 2],
+    law: ContactLaw,
+}
+
+value! {
+    impl LinkPair {
+        /// str: Name of the contact.
+        name: &str = |own| own.pair.name();
+        /// tuple of str: The two bodies of the model.
+        links: (&str, &str) = |own| own.pair.links().each_ref().map(String::as_str).into();
+        /// tuple of float: Radii of the spheres, m.
+        radii: (f64, f64) = |own| own.radii.into();
+        /// tuple of ndarray, shape (3,): Centres of the spheres, each in the frame of its link, m.
+        centers: (Bound<'py, PyAny>, Bound<'py, PyAny>) =
+            |own, py| own.centers.map(|center| vector_array(py, &center)).into();
+        /// CompliantLaw or HuntCrossley: The law of the normal force.
+        law: PyResult<Bound<'py, PyAny>> = |own, py| normal_law(py, &own.law);
+        /// CoulombFriction, RegularisedFriction or None: The law of friction.
+        friction: PyResult<Option<Bound<'py, PyAny>>> = |own, py| friction_law(py, &own.law);
+        /// Resistance or None: The resistance to rolling and spinning.
+        resistance: PyResult<Option<Bound<'py, Resistance>>> = |own, py| resistance_law(py, &own.law);
+    }
+}
+
+#[pymethods]
+impl LinkPair {
+    #[new]
+    #[pyo3(signature = (name, links, radii, law, *, centers=None, friction=None, resistance=None))]
+    fn new(
+        name: String,
+        links: [String; 2],
+        radii: [f64; 2],
+        law: &Bound<'_, PyAny>,
+        centers: Option<[Bound<'_, PyAny>; 2]>,
+        friction: Option<&Bound<'_, PyAny>>,
+        resistance: Option<&Bound<'_, PyAny>>,
+    ) -> Result<Self, Error> {
+        let center = |i: usize| vector_or("centers", centers.as_ref().map(|c| &c[i]), Vector3::zeros());
+        let centers = [center(0)?, center(1)?];
+        let law = laws(law, friction, resistance)?;
+        let [first, second] = links;
+        let [a, b] = [(first, centers[0], radii[0]), (second, centers[1], radii[1])];
+        let pair = tree::LinkPair::try_new(name, a, b, law.clone())?;
+        Ok(Self { pair, radii, centers, law })
+    }
+
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let (name, [a, b]) = (self.pair.name(), self.pair.links());
+        let ([r, s], law) = (self.radii, brief(&normal_law_repr(py, &self.law)?, 60));
+        Ok(format!("LinkPair({name:?}, ({a:?}, {b:?}), ({r:?}, {s:?}), {law})"))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
+        let (py, own) = (slf.py(), slf.get());
+        let spheres = (own.name(), own.links(), own.radii(), own.centers(py));
+        let arguments = (spheres, parts(py, &own.law)?).into_pyobject(py)?;
+        Ok((slf.get_type().getattr("_restore")?, arguments))
+    }
+
+    /// A pickled pair.
+    #[classmethod]
+    fn _restore(
+        _: &Bound<'_, PyType>,
+        spheres: (String, [String; 2], [f64; 2], [Bound<'_, PyAny>; 2]),
+        laws: GivenLaws<'_>,
+    ) -> Result<Self, Error> {
+        let (name, links, radii, centers) = spheres;
+        Self::new(name, links, radii, &laws.0, Some(centers), laws.1.as_ref(), laws.2.as_ref())
+    }
+}
+
+/// A change in a contact of a tree: its beginning, its end, the change between sticking and sliding.
+///
+/// Examples
+/// --------
+/// >>> from somersault import contact, multibody
+/// >>> leg = contact.hopping_leg()
+/// >>> motion = multibody.integrate_tree(
+/// ...     leg.model, leg.q, leg.v, (0.0, 0.2), torque=leg.torque, contacts=leg.contacts)
+/// >>> touch = motion.events[0]
+/// >>> touch.kind, touch.contact, touch.link, round(touch.t, 4)
+/// ('touch_down', 'foot', 'shank', 0.034)
+#[pyclass(frozen, module = "somersault.contact")]
+pub(crate) struct LinkEvent {
+    t: f64,
+    kind: String,
+    contact: String,
+    link: String,
+    impulse: f64,
+    q: Py<PyAny>,
+    v: Py<PyAny>,
+    point: Py<PyAny>,
+    force: Py<PyAny>,
+    sliding: Py<PyAny>,
+}
+
+value! {
+    impl LinkEvent(t, kind, contact, link, impulse, q, v, point, force, sliding) {
+        /// float: When, s.
+        t: f64 = |own| own.t;
+        /// str: What happened: ``'touch_down'``, ``'release'``, ``'re_engagement'``, where a point that was
+        /// released below the surface is held again, ``'stick'`` or ``'slip'``.
+        kind: &str = |own| &own.kind;
+        /// str: Name of the contact.
+        contact: &str = |own| &own.contact;
+        /// str: The link, or the first of two.
+        link: &str = |own| &own.link;
+        /// float: Impulse of the normal force that a release completes, ∫ F dt, N s, to order 4; 0 for the others.
+        impulse: f64 = |own| own.impulse;
+        /// ndarray, shape (n_positions,): Configuration.
+        q: Py<PyAny> = |own, py| own.q.clone_ref(py);
+        /// ndarray, shape (n_velocities,): Velocity.
+        v: Py<PyAny> = |own, py| own.v.clone_ref(py);
+        /// ndarray, shape (3,): The point of contact, world frame, m.
+        point: Py<PyAny> = |own, py| own.point.clone_ref(py);
+        /// ndarray, shape (3,): Force on the link, world frame, N: that after a touch-down, zero at a release.
+        force: Py<PyAny> = |own, py| own.force.clone_ref(py);
+        /// ndarray, shape (3,): Velocity along the surface, or relative to the second link, world frame, m/s.
+        sliding: Py<PyAny> = |own, py| own.sliding.clone_ref(py);
+    }
+}
+
+#[pymethods]
+impl LinkEvent {
+    #[new]
+    fn new(
+        t: f64,
+        kind: String,
+        contact: String,
+        link: String,
+        impulse: f64,
+        q: Py<PyAny>,
+        v: Py<PyAny>,
+        point: Py<PyAny>,
+        force: Py<PyAny>,
+        sliding: Py<PyAny>,
+    ) -> Self {
+        Self { t, kind, contact, link, impulse, q, v, point, force, sliding }
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<LinkEvent: {} of {:?} at t = {}>", self.kind, self.contact, self.t)
+    }
+}
+
+/// What contacts of a tree did during a run: one row for each state recorded.
+pub(crate) struct TreeTouches {
+    pub(crate) contacts: Py<PyAny>,
+    pub(crate) events: Vec<Py<LinkEvent>>,
+    /// Events, steps tried for them, and parts of divided steps.
+    pub(crate) counts: (u64, u64, u64),
+    pub(crate) stretches: Py<PyAny>,
+    pub(crate) forces: Py<PyAny>,
+    pub(crate) points: Py<PyAny>,
+    pub(crate) gaps: Py<PyAny>,
+    pub(crate) elastic_energy: Py<PyAny>,
+}
+
+/// As a file has it.
+pub(crate) type PickledTouches = (Py<PyAny>, Vec<Py<LinkEvent>>, (u64, u64, u64), [Py<PyAny>; 4], Py<PyAny>);
+
+impl TreeTouches {
+    pub(crate) fn pickled(&self, py: Python<'_>) -> PickledTouches {
+        let Self { contacts, events, counts, stretches, forces, points, gaps, elastic_energy } = self;
+        let arrays = [stretches, forces, points, gaps].map(|array| array.clone_ref(py));
+        let events = events.iter().map(|event| event.clone_ref(py)).collect();
+        (contacts.clone_ref(py), events, *counts, arrays, elastic_energy.clone_ref(py))
+    }
+
+    pub(crate) fn of_pickled(pickled: PickledTouches) -> Self {
+        let (contacts, events, counts, [stretches, forces, points, gaps], elastic_energy) = pickled;
+        Self { contacts, events, counts, stretches, forces, points, gaps, elastic_energy }
+    }
+
+    /// Of the states and events of a run.
+    pub(crate) fn of<F: TreeForces, D: JointDrive>(
+        py: Python<'_>,
+        system: &TreeInContact<'_, F, D>,
+        given: &TreeContactList,
+        states: &[TouchingState],
+        events: &[events::Event<Augmented<Coordinates>, EventKind>],
+        counts: (u64, u64, u64),
+    ) -> Result<Self, Error> {
+        let (n, count) = (states.len(), system.contacts().len());
+        let touches: Vec<Vec<Touch>> = states.iter().map(|x| system.touches(x)).collect();
+        let vectors = |of: fn(&Touch) -> Vector3<f64>| -> PyResult<Py<PyAny>> {
+            let numbers = touches.iter().flatten().flat_map(|touch| <[f64; 3]>::from(of(touch))).collect();
+            Ok(array(py, numbers, &[n, count, 3])?.into_any().unbind())
+        };
+        let gaps = touches.iter().flatten().map(|touch| touch.gap).collect();
+        let elastic = states.iter().map(|x| system.ledger(x).elastic).collect();
+        let listed = events.iter().map(|event| Self::event(py, system, event));
+        Ok(Self {
+            contacts: given.listed(py)?,
+            events: listed.collect::<Result<_, _>>()?,
+            counts,
+            stretches: vectors(|touch| touch.stretch)?,
+            forces: vectors(|touch| touch.force)?,
+            points: vectors(|touch| touch.point)?,
+            gaps: array(py, gaps, &[n, count])?.into_any().unbind(),
+            elastic_energy: array(py, elastic, &[n])?.into_any().unbind(),
+        })
+    }
+
+    fn event<F: TreeForces, D: JointDrive>(
+        py: Python<'_>,
+        system: &TreeInContact<'_, F, D>,
+        event: &events::Event<Augmented<Coordinates>, EventKind>,
+    ) -> Result<Py<LinkEvent>, Error> {
+        let (model, contacts) = (system.model(), system.contacts());
+        let i = contacts.of_guard(event.guard);
+        let (link, _) = contacts.links(i)?;
+        let base = event.state.base();
+        let mut v = vec![0.0; model.n_velocities()];
+        model.joint_velocities(&base, &mut v)?;
+        let touches = system.touches(&event.state);
+        let of = |part: fn(&Touch) -> Vector3<f64>| {
+            vector_array(py, &touches.get(i).map_or_else(Vector3::zeros, part)).unbind()
+        };
+        let numbers = |numbers: &[f64]| -> PyResult<Py<PyAny>> {
+            Ok(array(py, numbers.to_vec(), &[numbers.len()])?.into_any().unbind())
+        };
+        let found = LinkEvent {
+            t: event.t,
+            kind: event.kind.name().to_owned(),
+            contact: contacts.names()[i].clone(),
+            link: model.name(link).unwrap_or_default().to_owned(),
+            impulse: event.impulse,
+            q: numbers(base.configuration.as_slice())?,
+            v: numbers(&v)?,
+            point: of(|touch| touch.point),
+            force: of(|touch| touch.force),
+            sliding: of(|touch| touch.sliding),
+        };
+        Ok(Py::new(py, found)?)
+    }
+}
+
+/// Contacts as they were given.
+pub(crate) struct TreeContactList {
+    on_surfaces: Vec<Py<LinkContact>>,
+    pairs: Vec<Py<LinkPair>>,
+}
+
+impl TreeContactList {
+    /// One contact, or a sequence of them.
+    pub(crate) fn extract(argument: &str, value: &Bound<'_, PyAny>) -> Result<Self, Error> {
+        let mut found = Self { on_surfaces: Vec::new(), pairs: Vec::new() };
+        let mut add = |entry: &Bound<'_, PyAny>| {
+            if let Ok(contact) = entry.cast::<LinkContact>() {
+                found.on_surfaces.push(contact.clone().unbind());
+            } else if let Ok(pair) = entry.cast::<LinkPair>() {
+                found.pairs.push(pair.clone().unbind());
+            } else {
+                let wrong = a_type(entry);
+                return Err(Error::input(format!(
+                    "`{argument}` must hold objects of LinkContact and LinkPair, found {wrong}"
+                )));
+            }
+            Ok(())
+        };
+        match sequence(value) {
+            Some(list) => list.try_iter()?.try_for_each(|entry| add(&entry?))?,
+            None => add(value)?,
+        }
+        Ok(found)
+    }
+
+    /// Those with surfaces, then the pairs.
+    pub(crate) fn listed(&self, py: Python<'_>) -> PyResult<Py<PyAny>> {
+        let contacts = self.on_surfaces.iter().map(|contact| contact.clone_ref(py).into_any());
+        let all = contacts.chain(self.pairs.iter().map(|pair| pair.clone_ref(py).into_any()));
+        Ok(all.collect::<Vec<_>>().into_pyobject(py)?.into_any().unbind())
+    }
+
+    /// Whether a surface is a callable.
+    pub(crate) fn calls_python(&self, py: Python<'_>) -> bool {
+        self.on_surfaces.iter().any(|contact| !contact.get().contact.get().is_built_in(py))
+    }
+
+    /// A tree with them, for a run in which `failure` collects what Python code raises.
+    pub(crate) fn on<'m, F: TreeForces, D: JointDrive>(
+        &self,
+        py: Python<'_>,
+        tree: TreeSystem<'m, F, D>,
+        failure: &Failure,
+    ) -> Result<TreeInContact<'m, F, D>, Error> {
+        let contact = |own: &Py<LinkContact>| {
+            let LinkContact { name, link, contact } = own.get();
+            tree::LinkContact::new(name.clone(), link.clone(), contact.get().contact(py, failure))
+        };
+        let on_surfaces = self.on_surfaces.iter().map(contact).collect();
+        let pairs = self.pairs.iter().map(|pair| pair.get().pair.clone()).collect();
+        Ok(TreeInContact::try_new(tree, on_surfaces, pairs)?)
+    }
+}
+
+/// A state with the stretches that an argument asks for.
+pub(crate) fn stretched<F: TreeForces, D: JointDrive>(
+    system: &TreeInContact<'_, F, D>,
+    stretches: Option<&Bound<'_, PyAny>>,
+    t: f64,
+    x: multibody::motion::TreeState,
+) -> Result<TouchingState, Error> {
+    let Some(given) = stretches else { return Ok(system.unstretched(x)) };
+    if given.extract::<&str>().is_ok_and(|word| word == "loaded") {
+        return Ok(system.loaded(t, x)?);
+    }
+    let values = with_shape("stretches", &[system.contacts().len(), 3], given)?;
+    let stretches = values.chunks_exact(3).map(Vector3::from_column_slice).collect();
+    Ok(system.stretched(x, stretches)?)
+}
+
+/// The contacts of a tree, and what they do in a state.
+///
+/// `multibody.integrate_tree` takes the same contacts for a motion.
+///
+/// Parameters
+/// ----------
+/// model : Model
+///     The tree.
+/// contacts : LinkContact, LinkPair or sequence of them
+///     Its contacts. Wherever contacts are counted those with surfaces come first, then the pairs.
+///
+/// Examples
+/// --------
+/// >>> from somersault import contact
+/// >>> leg = contact.hopping_leg()
+/// >>> feet = contact.TreeContacts(leg.model, leg.contacts)
+/// >>> feet.names
+/// ['foot']
+#[pyclass(frozen, module = "somersault.contact")]
+pub(crate) struct TreeContacts {
+    model: Py<Model>,
+    given: TreeContactList,
+    names: Vec<String>,
+}
+
+value! {
+    impl TreeContacts {
+        /// Model: The tree.
+        model: Py<Model> = |own, py| own.model.clone_ref(py);
+        /// list of LinkContact and LinkPair: The contacts.
+        contacts: PyResult<Py<PyAny>> = |own, py| own.given.listed(py);
+        /// list of str: Names of the contacts.
+        names: Vec<String> = |own| own.names.clone();
+    }
+}
+
+impl TreeContacts {
+    /// Shows the tree with its contacts in a state.
+    fn with<R>(
+        &self,
+        py: Python<'_>,
+        (q, v): (&Bound<'_, PyAny>, Option<&Bound<'_, PyAny>>),
+        stretches: Option<&Bound<'_, PyAny>>,
+        see: impl FnOnce(&TreeInContact<'_>, &TouchingState) -> Result<R, Error>,
+    ) -> Result<R, Error> {
+        let (model, failure) = (&self.model.get().model, Failure::default());
+        let q = finite_all("q", with_shape("q", &[model.n_positions()], q)?)?;
+        let v = match v {
+            Some(v) => finite_all("v", with_shape("v", &[model.n_velocities()], v)?)?,
+            None => vec![0.0; model.n_velocities()],
+        };
+        let system = self.given.on(py, TreeSystem::new(model, ()), &failure)?;
+        let x = stretched(&system, stretches, 0.0, model.state(&q, &v)?)?;
+        let found = see(&system, &x);
+        match failure.get() {
+            Some(error) => Err(error.clone_ref(py).into()),
+            None => found,
+        }
+    }
+
+    fn vectors<'py>(
+        py: Python<'py>,
+        touches: &[Touch],
+        of: impl Fn(&Touch) -> Vector3<f64>,
+    ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
+        let numbers = touches.iter().flat_map(|touch| <[f64; 3]>::from(of(touch))).collect();
+        array(py, numbers, &[touches.len(), 3])
+    }
+}
+
+#[pymethods]
+impl TreeContacts {
+    #[new]
+    fn new(py: Python<'_>, model: Py<Model>, contacts: &Bound<'_, PyAny>) -> Result<Self, Error> {
+        let given = TreeContactList::extract("contacts", contacts)?;
+        let tree = TreeSystem::new(&model.get().model, ());
+        let names = given.on(py, tree, &Failure::default())?.contacts().names().to_vec();
+        Ok(Self { model, given, names })
+    }
+
+    /// Forces on the links, world frame; on the first link of a pair.
+    ///
+    /// Parameters
+    /// ----------
+    /// q, v : array_like, shape (n_positions,) and (n_velocities,)
+    ///     Configuration and velocity.
+    /// stretches : {'loaded'} or array_like, shape (contacts, 3), optional
+    ///     Stretches of friction, m, world frame; unstretched unless given.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (contacts, 3)
+    ///     N; zero of open contacts.
+    ///
+    /// Examples
+    /// --------
+    /// A foot 1 cm deep in ground of 20 kN/m:
+    ///
+    /// >>> import numpy as np
+    /// >>> from somersault import contact
+    /// >>> leg = contact.hopping_leg()
+    /// >>> feet = contact.TreeContacts(leg.model, leg.contacts)
+    /// >>> feet.forces((0, 0.64, 0, 0, 0), np.zeros(5)).round(6)
+    /// array([[  0.,   0., 200.]])
+    #[pyo3(signature = (q, v, stretches=None))]
+    fn forces<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+        stretches: Option<&Bound<'py, PyAny>>,
+    ) -> Result<Bound<'py, PyArrayDyn<f64>>, Error> {
+        self.with(py, (q, Some(v)), stretches, |system, x| {
+            Ok(Self::vectors(py, &system.touches(x), |touch| touch.force)?)
+        })
+    }
+
+    /// Points of contact, world frame.
+    ///
+    /// Parameters
+    /// ----------
+    /// q : array_like, shape (n_positions,)
+    ///     Configuration.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (contacts, 3)
+    ///     m.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import contact
+    /// >>> leg = contact.hopping_leg()
+    /// >>> feet = contact.TreeContacts(leg.model, leg.contacts)
+    /// >>> feet.points((1.0, 0.75, 0, 0, 0)).round(6)
+    /// array([[1. , 0. , 0.1]])
+    fn points<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+    ) -> Result<Bound<'py, PyArrayDyn<f64>>, Error> {
+        self.with(py, (q, None), None, |system, x| {
+            Ok(Self::vectors(py, &system.touches(x), |touch| touch.point)?)
+        })
+    }
+
+    /// Gaps and their rates.
+    ///
+    /// Parameters
+    /// ----------
+    /// q, v : array_like, shape (n_positions,) and (n_velocities,)
+    ///     Configuration and velocity.
+    ///
+    /// Returns
+    /// -------
+    /// gaps, rates : ndarray, shape (contacts,)
+    ///     m, negative inside the surface, and m/s.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import contact
+    /// >>> leg = contact.hopping_leg()
+    /// >>> feet = contact.TreeContacts(leg.model, leg.contacts)
+    /// >>> gaps, rates = feet.gaps((0, 0.75, 0, 0, 0), (0, -2.0, 0, 0, 0))
+    /// >>> gaps.round(6), rates
+    /// (array([0.1]), array([-2.]))
+    fn gaps<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+    ) -> Result<(Bound<'py, PyAny>, Bound<'py, PyAny>), Error> {
+        self.with(py, (q, Some(v)), None, |system, x| {
+            let touches = system.touches(x);
+            let numbers = |of: fn(&Touch) -> f64| -> PyResult<_> {
+                Ok(array(py, touches.iter().map(of).collect(), &[touches.len()])?.into_any())
+            };
+            Ok((numbers(|touch| touch.gap)?, numbers(|touch| touch.rate)?))
+        })
+    }
+
+    /// Jacobian of a contact: with the velocities of the joints it gives that of the link at the point of contact,
+    /// relative to that of the second link of a pair, world axes.
+    ///
+    /// Parameters
+    /// ----------
+    /// q : array_like, shape (n_positions,)
+    ///     Configuration.
+    /// contact : str
+    ///     Name of the contact.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (3, n_velocities)
+    ///
+    /// Examples
+    /// --------
+    /// Joint forces that hold a push of 100 N on the foot:
+    ///
+    /// >>> from somersault import contact
+    /// >>> leg = contact.hopping_leg()
+    /// >>> feet = contact.TreeContacts(leg.model, leg.contacts)
+    /// >>> jacobian = feet.jacobian((0, 0.5, 0, 0.6, -1.2), "foot")
+    /// >>> (jacobian.T @ (0, 0, 100.0)).round(2)
+    /// array([  0.  , 100.  ,   0.  ,   0.  , -16.94])
+    fn jacobian<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        contact: &str,
+    ) -> Result<Bound<'py, PyArrayDyn<f64>>, Error> {
+        let Some(i) = self.names.iter().position(|name| name == contact) else {
+            let names = few(&self.names);
+            return Err(Error::input(format!("`contact` must be one of {names}, found '{contact}'")));
+        };
+        self.with(py, (q, None), None, |system, x| {
+            let found = system.contact_jacobian(i, x)?;
+            let mut numbers = vec![0.0; found.len()];
+            write(&found, &mut numbers);
+            Ok(array(py, numbers, &[found.nrows(), found.ncols()])?)
+        })
+    }
+
+    /// Kinetic energy, potential energy of the weight, and energy of the springs of contacts and friction.
+    ///
+    /// Parameters
+    /// ----------
+    /// q, v : array_like, shape (n_positions,) and (n_velocities,)
+    ///     Configuration and velocity.
+    /// stretches : {'loaded'} or array_like, shape (contacts, 3), optional
+    ///     Stretches of friction, m, world frame; unstretched unless given.
+    ///
+    /// Returns
+    /// -------
+    /// kinetic, potential, elastic : float
+    ///     J. Without torques their sum never grows, and what it loses is dissipated.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import contact
+    /// >>> leg = contact.hopping_leg()
+    /// >>> feet = contact.TreeContacts(leg.model, leg.contacts)
+    /// >>> kinetic, potential, elastic = feet.energies((0, 0.64, 0, 0, 0), (2.0, 0, 0, 0, 0))
+    /// >>> round(kinetic, 6), round(elastic, 6)
+    /// (13.0, 1.0)
+    #[pyo3(signature = (q, v, stretches=None))]
+    fn energies<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+        stretches: Option<&Bound<'py, PyAny>>,
+    ) -> Result<(f64, f64, f64), Error> {
+        self.with(py, (q, Some(v)), stretches, |system, x| {
+            let ledger = system.ledger(x);
+            Ok((ledger.kinetic, ledger.potential, ledger.elastic))
+        })
+    }
+
+    /// A pose at rest near a configuration, by Newton's method. Nothing is said about its stability.
+    ///
+    /// Parameters
+    /// ----------
+    /// q : array_like, shape (n_positions,)
+    ///     Configuration to begin with, in which something touches.
+    /// torque : array_like, shape (n_velocities,), optional
+    ///     Joint forces; none unless given.
+    ///
+    /// Returns
+    /// -------
+    /// q : ndarray, shape (n_positions,)
+    ///     The pose, or the best that was found.
+    /// stretches : ndarray, shape (contacts, 3)
+    ///     Stretches of friction that hold it, m.
+    /// success : bool
+    ///     Whether it is at rest to rounding, and friction holds it.
+    ///
+    /// Examples
+    /// --------
+    /// The leg with straight joints stands upright, its foot 3.19 mm deep:
+    ///
+    /// >>> from somersault import contact
+    /// >>> leg = contact.hopping_leg()
+    /// >>> feet = contact.TreeContacts(leg.model, leg.contacts)
+    /// >>> q, stretches, success = feet.standing((0, 0.649, 0, 0, 0))
+    /// >>> success, round(0.65 - float(q[1]), 5)
+    /// (True, 0.00319)
+    #[pyo3(signature = (q, torque=None))]
+    fn standing<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        torque: Option<&Bound<'py, PyAny>>,
+    ) -> Result<(Bound<'py, PyAny>, Bound<'py, PyAny>, bool), Error> {
+        let (model, failure) = (&self.model.get().model, Failure::default());
+        let n = model.n_velocities();
+        let q = finite_all("q", with_shape("q", &[model.n_positions()], q)?)?;
+        let given = match torque {
+            Some(torque) => finite_all("torque", with_shape("torque", &[n], torque)?)?,
+            None => vec![0.0; n],
+        };
+        let torques = move |_: f64, _: &[f64], _: &[f64], out: &mut [f64]| {
+            out.iter_mut().zip(&given).for_each(|(sum, x)| *sum += x);
+        };
+        let system = self.given.on(py, TreeSystem::new(model, torques), &failure)?;
+        let found = system.standing(0.0, &q);
+        if let Some(error) = failure.get() {
+            return Err(error.clone_ref(py).into());
+        }
+        let tree::Standing { state, is_held, .. } = found?;
+        let pose = state.configuration.0.as_slice().to_vec();
+        let stretches: Vec<f64> = state.rate.variables.iter().flat_map(|x| <[f64; 3]>::from(*x)).collect();
+        let count = stretches.len() / 3;
+        let pose = array(py, pose, &[model.n_positions()])?.into_any();
+        Ok((pose, array(py, stretches, &[count, 3])?.into_any(), is_held))
+    }
+
+    fn __len__(&self) -> usize {
+        self.names.len()
+    }
+
+    fn __repr__(&self) -> String {
+        let contacts = counted(self.names.len(), "contact", "contacts");
+        format!("<TreeContacts: {contacts}: {}>", few(&self.names))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
+        let (py, own) = (slf.py(), slf.get());
+        by_class(slf, (own.model(py), own.given.listed(py)?))
+    }
+}
+
+/// A leg that hops, and where it starts: arguments of `multibody.integrate_tree`.
+///
+/// The links are ``body``, ``thigh`` and ``shank``, in the plane of x and z. Its configuration is (x, z, a, hip, knee): where the
+/// centre of mass of the body is, its lean, and the angles of the joints, positive forward.
+///
+/// Examples
+/// --------
+/// >>> from somersault import contact
+/// >>> leg = contact.hopping_leg()
+/// >>> leg.model.names
+/// ['body', 'thigh', 'shank']
+#[pyclass(frozen, module = "somersault.contact")]
+pub(crate) struct HoppingLeg {
+    leg: models::HoppingLeg,
+    model: Py<Model>,
+    contacts: Vec<Py<LinkContact>>,
+}
+
+value! {
+    impl HoppingLeg {
+        /// Model: The tree.
+        model: Py<Model> = |own, py| own.model.clone_ref(py);
+        /// list of LinkContact: The contact of its foot.
+        contacts: Vec<Py<LinkContact>> =
+            |own, py| own.contacts.iter().map(|contact| contact.clone_ref(py)).collect();
+        /// ndarray, shape (5,): Configuration at the start.
+        q: PyResult<Bound<'py, PyAny>> = |own, py| Ok(array(py, own.leg.start().0.to_vec(), &[5])?.into_any());
+        /// ndarray, shape (5,): Velocity at the start.
+        v: PyResult<Bound<'py, PyAny>> = |own, py| Ok(array(py, own.leg.start().1.to_vec(), &[5])?.into_any());
+    }
+}
+
+#[pymethods]
+impl HoppingLeg {
+    /// Joint forces at a time; `multibody.integrate_tree` takes this method as its `torque`.
+    ///
+    /// Parameters
+    /// ----------
+    /// t : float
+    ///     Time, s.
+    /// q, v : array_like
+    ///     Not used.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (5,)
+    ///     N and N m.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import contact
+    /// >>> leg = contact.hopping_leg()
+    /// >>> leg.torque(0.0, leg.q, leg.v).round(3)
+    /// array([ 0.   ,  0.   ,  0.   ,  4.368, -0.995])
+    fn torque<'py>(
+        &self,
+        py: Python<'py>,
+        t: f64,
+        q: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let _ = (q, v);
+        let mut torque = vec![0.0; 5];
+        self.leg.add_torques(t, &mut torque);
+        Ok(array(py, torque, &[5])?.into_any())
+    }
+
+    fn __repr__(&self) -> String {
+        "<HoppingLeg: a leg of 3 links, 1 contact>".to_owned()
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
+        by_restore(slf, ())
+    }
+
+    /// A pickled leg.
+    #[classmethod]
+    fn _restore(_: &Bound<'_, PyType>, py: Python<'_>) -> Result<Self, Error> {
+        hopping_leg(py)
+    }
+}
+
+/// A leg that hops on the ground z = 0: a body of 5 kg on thigh and shank, driven by sines at hip and knee.
+///
+/// Its foot sticks and slips. In 0.6 s it makes three hops.
+///
+/// Returns
+/// -------
+/// HoppingLeg
+///
+/// Examples
+/// --------
+/// >>> from somersault import contact, multibody
+/// >>> leg = contact.hopping_leg()
+/// >>> motion = multibody.integrate_tree(
+/// ...     leg.model, leg.q, leg.v, (0.0, 0.6), torque=leg.torque, contacts=leg.contacts)
+/// >>> [event.kind for event in motion.events].count("touch_down")
+/// 3
+#[pyfunction]
+pub(crate) fn hopping_leg(py: Python<'_>) -> Result<HoppingLeg, Error> {
+    let leg = models::HoppingLeg::example()?;
+    let model = Py::new(py, Model::of(leg.model()?))?;
+    let contact = |own: tree::LinkContact| -> Result<_, Error> {
+        let contact = Py::new(py, Contact::of(py, own.contact())?)?;
+        let (name, link) = (own.name().to_owned(), own.link().to_owned());
+        Ok(Py::new(py, LinkContact { name, link, contact })?)
+    };
+    let contacts = leg.contacts()?.into_iter().map(contact).collect::<Result<_, _>>()?;
+    Ok(HoppingLeg { leg, model, contacts })
+}
