@@ -34,8 +34,9 @@ PARTS = (
     Part(
         "A body that touches",
         "A spinning top meets the ground many times a second. Where a step straddles a touch-down, every"
-        " method is of order 1; where the touch-down is located, each keeps its order.",
-        ("contact",),
+        " method is of order 1; where the touch-down is located, each keeps its order. So it is for trees of"
+        " bodies: a leg hops.",
+        ("contact", "trees_in_contact"),
     ),
     Part(
         "Bodies with joints",
