@@ -22,12 +22,14 @@ import long_run
 import multibody
 import programs
 import swing_up
+import tree_contact
 from measure import machine
 
 COMPARISONS = (
     box,
     long_run,
     contact,
+    tree_contact,
     batch,
     multibody,
     expressions,
