@@ -10,3 +10,4 @@ mod radau;
 mod sensitivity;
 mod starts;
 mod untraced;
+mod ways;
