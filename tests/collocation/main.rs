@@ -11,3 +11,4 @@ mod radau;
 mod sensitivity;
 mod starts;
 mod untraced;
+mod ways;

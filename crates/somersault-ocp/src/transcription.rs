@@ -12,7 +12,7 @@
 //! sweep gives the gradient of one number. Forwards, [`Transcription::push_forward`] hands out the tangents of each node
 //! in turn: one sweep gives all derivatives, at the cost of as many columns as there are variables.
 
-use crate::term::{Node, NodeGradient, NodeNumber, Part};
+use crate::term::{Node, NodeGradient};
 use nalgebra::{DMatrix, DVectorView};
 use somersault_nlp::{Bounds, EvaluationError, Pattern};
 use std::ops::Range;
@@ -152,24 +152,6 @@ impl NodeTangent {
             channel_rate: room(sizes.n_channels),
             channel_second_rate: room(sizes.n_channels),
         }
-    }
-
-    /// The gradient of one number of the node.
-    pub fn column(&self, number: NodeNumber) -> &[f64] {
-        let (matrix, entry) = match number {
-            NodeNumber::Position { dof, .. } => (&self.position, dof),
-            NodeNumber::Of(part, entry) => match part {
-                Part::Time => return &self.time,
-                Part::Velocity => (&self.velocity, entry),
-                Part::Acceleration => (&self.acceleration, entry),
-                Part::Torque => (&self.torque, entry),
-                Part::Channel => (&self.channel, entry),
-                Part::ChannelRate => (&self.channel_rate, entry),
-                Part::ChannelSecondRate => (&self.channel_second_rate, entry),
-            },
-        };
-        let n = self.variables.len();
-        &matrix.as_slice()[entry * n..(entry + 1) * n]
     }
 
     /// Adds to `out`, one entry for each of the variables, what a gradient by the node is for them.

@@ -1,7 +1,7 @@
 //! Where the rows of the constraints have their entries, and the two ways to compute them.
 
 use super::{Constraint, Cost, LinearConstraint, MotionProblem};
-use crate::term::{Node, Term};
+use crate::term::{Node, NodeNumber, Part, Term};
 use crate::transcription::{NodeTangent, Transcription};
 use nalgebra::{DMatrixView, DMatrixViewMut};
 use somersault_nlp::{EvaluationError, Pattern};
@@ -257,6 +257,24 @@ impl<T: Transcription> MotionProblem<T> {
     }
 }
 
+/// The gradient of one number of a node.
+fn column(tangent: &NodeTangent, number: NodeNumber) -> &[f64] {
+    let (matrix, entry) = match number {
+        NodeNumber::Position { dof, .. } => (&tangent.position, dof),
+        NodeNumber::Of(part, entry) => match part {
+            Part::Time => return &tangent.time,
+            Part::Velocity => (&tangent.velocity, entry),
+            Part::Acceleration => (&tangent.acceleration, entry),
+            Part::Torque => (&tangent.torque, entry),
+            Part::Channel => (&tangent.channel, entry),
+            Part::ChannelRate => (&tangent.channel_rate, entry),
+            Part::ChannelSecondRate => (&tangent.channel_second_rate, entry),
+        },
+    };
+    let n = tangent.variables.len();
+    &matrix.as_slice()[entry * n..(entry + 1) * n]
+}
+
 /// Adds Xᵀ (Σ y_i ∂²r_i) X, X the tangents of the numbers of the node that the term depends on.
 fn add_curvature(
     term: &mut dyn Term,
@@ -268,7 +286,7 @@ fn add_curvature(
 ) -> Result<(), EvaluationError> {
     let Some(term) = term.second_derivatives() else { return Ok(()) };
     tangents.clear();
-    term.numbers().iter().for_each(|number| tangents.extend_from_slice(tangent.column(*number)));
+    term.numbers().iter().for_each(|number| tangents.extend_from_slice(column(tangent, *number)));
     let second = term.weighted(node, y)?;
     let (n, m) = (tangent.variables.len(), second.ncols());
     bent.clear();

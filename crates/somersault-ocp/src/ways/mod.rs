@@ -56,4 +56,4 @@ mod solver;
 mod splines;
 
 pub use solver::{Found, Solver, StartFrom, Way};
-pub use splines::{SplineMotionReport, Splines};
+pub use splines::Splines;

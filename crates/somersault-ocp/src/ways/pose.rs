@@ -263,15 +263,18 @@ impl<D: HybridDynamics> Program<D> {
     fn assemble(
         phase: &Phase,
         guess: &Guess,
-        shooting: Shooting<D>,
+        mut shooting: Shooting<D>,
         mapping: Mapping,
         left: [Vec<(NodeNumber, Interval)>; 2],
     ) -> Result<Self, NoSplines> {
         let bounds = &phase.bounds;
         let [_, path, mut ends] = phase.functions();
+        let integrates = !shooting.dynamics().dofs().passive_dofs().is_empty();
+        let has_curvature = integrates && shooting.second_derivatives().is_some();
         let mut problem = MotionProblem::builder(shooting);
-        // convex where costs are: that of the motion as well would need shifts far from a minimum
-        problem = problem.with_curved_terms();
+        // Where nothing is integrated there are no defects, and the model that leaves the curvature of the motion out is convex if
+        // costs are. Where there are, multipliers of defects bend the Lagrangian as much as costs do.
+        problem = if has_curvature { problem.with_exact_hessian() } else { problem.with_curved_terms() };
         let first_of =
             |n: usize| Loss::Linear { weights: (0..n).map(|k| f64::from(u8::from(k == 0))).collect() };
         let cost = PointTerm::new("running cost", path.clone(), mapping.point(), 0..1);

@@ -1,7 +1,7 @@
 //! Which way a problem is solved, and how one forwards its motion to the next.
 
 use super::pose::{STEPS, tree_of};
-use super::splines::{Failure, SplineMotionReport, Splines};
+use super::splines::{SplineMotionReport, Splines};
 use crate::arcs::{Polish, Polished, Verdict};
 use crate::collocation::{
     Accuracy, Collocation, CollocationError, CollocationReport, CollocationStatus, Confirmation, Interval,
@@ -380,7 +380,7 @@ fn ended(
     let confirmation = Confirmation::unknown(std::slice::from_ref(&found.solution));
     let report = report_of(problem, found, CollocationStatus::NotSolved(status), confirmation);
     match failure {
-        Some(Failure(source)) => Err(SearchError::Failed { source, report: Box::new(report) }),
+        Some(source) => Err(SearchError::Failed { source, report: Box::new(report) }),
         None => Ok(report),
     }
 }

@@ -11,9 +11,9 @@ use std::error::Error;
 use std::time::{Duration, Instant};
 
 /// Stationarity, and steps, at which a program for a start ends, and how often its splines are halved.
-const ROUGH: f64 = 1e-3;
+const ROUGH: f64 = 1e-4;
 const FEW: usize = 60;
-const HALVINGS_OF_A_START: usize = 3;
+const HALVINGS_OF_A_START: usize = 1;
 
 /// Shooting with splines, as a way to solve an optimal control problem.
 ///
@@ -50,28 +50,17 @@ impl Splines {
 }
 
 /// A motion of splines.
-#[derive(Debug, Clone)]
-pub struct SplineMotionReport {
+pub(super) struct SplineMotionReport {
     /// Of the solver.
-    pub program: Report,
+    pub(super) program: Report,
     /// The motion on the mesh of the intervals of the splines. It has no costates: they are NaN.
-    pub solution: PhaseSolution,
+    pub(super) solution: PhaseSolution,
     /// Whether joints move by splines, and not controls.
-    pub of_joints: bool,
+    pub(super) of_joints: bool,
     /// What it took.
-    pub time: Duration,
+    pub(super) time: Duration,
     /// What a function of the user failed with.
-    pub(super) failure: Option<Failure>,
-}
-
-/// What a function of the user failed with.
-#[derive(Debug)]
-pub(super) struct Failure(pub(super) Box<dyn Error + Send + Sync>);
-
-impl Clone for Failure {
-    fn clone(&self) -> Self {
-        Self(self.0.to_string().into())
-    }
+    pub(super) failure: Option<Box<dyn Error + Send + Sync>>,
 }
 
 impl Splines {
@@ -110,7 +99,7 @@ impl Splines {
         let solved = self.solver.solve(&mut Metered { nlp: &mut program, left }, &start, on_iteration);
         let (report, failure) = match solved {
             Ok(report) => (report, None),
-            Err(SolverError::Failed { source, report }) => (*report, Some(Failure(source))),
+            Err(SolverError::Failed { source, report }) => (*report, Some(source)),
             Err(error) => return Err(error.into()),
         };
         let of_joints = matches!(program.transcription().drive(), Drive::Motion);

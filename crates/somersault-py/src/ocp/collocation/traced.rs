@@ -30,7 +30,7 @@ pub(crate) struct TracedProblem {
     linkages: Option<Vec<Linkage>>,
 }
 
-/// The way of that name.
+/// What the argument `method` says.
 fn way(method: &str) -> Result<Way, Error> {
     match method {
         "auto" => Ok(Way::Auto),
