@@ -156,12 +156,13 @@ class ControlProblem:
         scales: Mapping[str, float] | None = None,
     ) -> None:
         self._given = {name: value for name, value in locals().items() if name != "self"}
-        tree, self._quaternions = None, []
+        tree = None
+        self._quaternions: list[int] = []
         if isinstance(dynamics, Model):
-            moved, *own, self._quaternions = _extension.TracedPhase.of_tree(dynamics, actuated)
+            moved, of_x, of_u, self._quaternions = _extension.TracedPhase.of_tree(dynamics, actuated)
             tree = (dynamics, moved)
-            states = _as_many("states", states, own[0])
-            controls = _as_many("controls", controls, own[1])
+            states = _as_many("states", states, of_x)
+            controls = _as_many("controls", controls, of_u)
         elif actuated is not None:
             raise InputError("`actuated` is of a tree, and `dynamics` is none")
         self._tree = tree

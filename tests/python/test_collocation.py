@@ -357,10 +357,3 @@ def test_bad_arguments_of_a_search_are_named() -> None:
     for named, call in calls:
         with pytest.raises(ValueError, match=named):
             call()
-
-
-def test_a_tree_that_rotates_freely_is_refused() -> None:
-    diver = multibody.diver_spatial()
-    n = 2 * diver.model.n_velocities
-    with pytest.raises(errors.InputError, match="single coordinate"):
-        ocp.ControlProblem(diver.model, initial=[0.0] * n)

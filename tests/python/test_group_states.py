@@ -2,11 +2,12 @@
 
 import functools
 import pickle
+from collections.abc import Sequence
 
 import matplotlib as mpl
 import numpy as np
 import pytest
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from somersault import multibody, ocp, plotting, viewer
 from somersault.errors import InputError
@@ -32,6 +33,12 @@ def half_turn(last: ArrayLike = (0, 0, 1, 0)) -> ocp.ControlProblem:
         bounds={name: (-1, 1) for name in TORQUES},
         end_cost=lambda x, t: t,
     )
+
+
+def moved(found: ocp.CollocationResult) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Configurations and velocities of a tree."""
+    assert found.q is not None and found.v is not None
+    return found.q, found.v
 
 
 def tilted() -> dict[str, ArrayLike]:
@@ -99,7 +106,7 @@ def test_both_signs_and_all_times_give_the_same_cost() -> None:
     assert abs(turn(last) - turn(last, 1e4)) < 1e-9
     problem, turned = satellite()
     entries = ("q_hub_x", "q_hub_y", "q_hub_z", "q_hub_w")
-    last = turned.q[-1, 3:7]
+    last = moved(turned)[0][-1, 3:7]
     other = problem.replace(final=dict(zip(entries, -last, strict=True)))
     assert abs(other.solve(tol=1e-5, n_intervals=10).cost - turned.cost) < 1e-7
 
@@ -120,19 +127,19 @@ def test_a_satellite_turns_by_its_own_motion_with_zero_momentum() -> None:
     problem, found = satellite()
     assert found.success and found.confirmed, found.message
     assert found.verification.momentum_drift < 1e-5 and found.terminal_error < 1e-6
-    assert np.abs(found.q[-1, :3]).max() < 1e-6, "the centre of mass stays"
-    assert np.abs(found.v[-1]).max() < 1e-6
-    model = found.model
-    assert model is not None and found.q.shape[1] == 11 and found.v.shape[1] == 10
+    q, v = moved(found)
+    assert np.abs(q[-1, :3]).max() < 1e-6, "the centre of mass stays"
+    assert np.abs(v[-1]).max() < 1e-6
+    assert q.shape[1] == 11 and v.shape[1] == 10
     assert problem.state_names[:7] == [f"q_hub_{name}" for name in ("px", "py", "pz", "x", "y", "z", "w")]
     assert problem.state_names[11:17] == [f"v_hub_{k}" for k in range(6)]
-    assert np.linalg.norm(found.q[:, 3:7], axis=1) == pytest.approx(1, abs=1e-14)
+    assert np.linalg.norm(q[:, 3:7], axis=1) == pytest.approx(1, abs=1e-14)
     assert np.linalg.norm(found.state(np.linspace(0, 2, 50))[:, 3:7], axis=1) == pytest.approx(1, abs=1e-14)
     plotting.tree_motion(found)
     plotting.control_history(found)
     viewer.Scene().add(found)
     again = pickle.loads(pickle.dumps(found))
-    assert (again.q == found.q).all() and (again.joint_costates == found.joint_costates).all()
+    assert (again.q == q).all() and (again.joint_costates == found.joint_costates).all()
     repeated = problem.solve(found, tol=1e-5)
     assert repeated.meshes[0]["nit"] <= 1
     assert abs(repeated.cost - found.cost) < 1e-9
@@ -147,6 +154,8 @@ def test_costates_are_derivatives_of_the_cost_in_body_axes() -> None:
         running_cost=lambda x, u: 0.5 * u @ u,
     )
     found = problem.solve()
+    joint_costates = found.joint_costates
+    assert joint_costates is not None
     h = 1e-4
     for k in range(3):
         ends = []
@@ -155,16 +164,16 @@ def test_costates_are_derivatives_of_the_cost_in_body_axes() -> None:
             turned[k] = np.sin(side / 2)
             turned[3] = np.cos(side / 2)
             ends.append(problem.replace(initial=[*turned, 0, 0, 0]).solve(found).cost)
-        assert found.joint_costates[0, k] == pytest.approx((ends[0] - ends[1]) / (2 * h), rel=1e-5)
-    along = np.abs((found.costates[:, :4] * found.q).sum(axis=1))
+        assert joint_costates[0, k] == pytest.approx((ends[0] - ends[1]) / (2 * h), rel=1e-5)
+    along = np.abs((found.costates[:, :4] * moved(found)[0]).sum(axis=1))
     assert along.max() < 1e-4 * np.abs(found.costates).max()
     by = problem.sensitivity(found)
-    assert by.cost[:3] == pytest.approx(2 * found.joint_costates[0], rel=1e-5)
+    assert by.cost[:3] == pytest.approx(2 * joint_costates[0], rel=1e-5)
     assert abs(by.cost[3]) < 1e-6, "the norm counts nowhere"
 
 
 def test_costs_and_integrals_see_unit_quaternions_and_planar_joints_work() -> None:
-    """Half of a revolution, of which the cosine of half the angle is integrated; a body on a plane that is pushed and turned."""
+    """Half of a revolution, with the norm as an integral; a body on a plane that is pushed and turned."""
     problem = ocp.ControlProblem(
         ball(),
         initial=[0, 0, 0, 1, 0, 0, 0],
@@ -188,16 +197,19 @@ def test_costs_and_integrals_see_unit_quaternions_and_planar_joints_work() -> No
 
 
 def test_an_orientation_continues_from_phase_to_phase() -> None:
-    effort = {"duration": 1, "running_cost": lambda x, u: 0.5 * u @ u}
+    def leg(initial: Sequence[float] | None, final: Sequence[float | None]) -> ocp.ControlProblem:
+        return ocp.ControlProblem(ball(), initial=initial, final=final, running_cost=lambda x, u: 0.5 * u @ u)
+
     quarter = [0, 0, -np.sqrt(0.5), -np.sqrt(0.5), None, None, None]
-    there = ocp.ControlProblem(ball(), initial=[0, 0, 0, 1, 0, 0, 0], final=quarter, **effort)
-    on = ocp.ControlProblem(ball(), final=[0, 0, 1, 0, 0, 0, 0], **effort)
-    found = ocp.MultiphaseProblem([there, on]).solve()
+    legs = [leg([0, 0, 0, 1, 0, 0, 0], quarter), leg(None, [0, 0, 1, 0, 0, 0, 0])]
+    found = ocp.MultiphaseProblem(legs).solve()
     assert found.success and found.cost == pytest.approx(0.75 * np.pi**2, rel=1e-6)
 
 
 def test_what_is_wrong_is_said() -> None:
-    with pytest.raises(InputError, match="`final` must have a quaternion of unit norm at entry 0 .q_hub_x."):
+    with pytest.raises(
+        InputError, match=r"`final` must have a quaternion of unit norm at entry 0 \(q_hub_x\)"
+    ):
         half_turn((0, 0, 0.9, 0))
     with pytest.raises(InputError, match="`dynamics` must be a function for `polish`"):
         half_turn().polish(half_turn().solve(tol=1e-3))

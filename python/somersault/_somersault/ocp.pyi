@@ -627,7 +627,9 @@ class TracedPhase:
         horizon: list[tuple[float, float]],
     ) -> TracedPhase: ...
     @staticmethod
-    def of_tree(model: Model, actuated: _Active | None) -> tuple[list[int], list[str], list[str]]: ...
+    def of_tree(
+        model: Model, actuated: _Active | None
+    ) -> tuple[list[int], list[str], list[str], list[int]]: ...
 
 @final
 class TracedProblem:
