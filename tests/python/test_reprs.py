@@ -74,7 +74,8 @@ def swing() -> multibody.TreeSolution:
 @cache
 def hop() -> multibody.TreeSolution:
     leg = contact.hopping_leg()
-    return multibody.integrate_tree(leg.model, leg.q, leg.v, (0.0, 0.05), contacts=leg.contacts)
+    start = (leg.model, leg.q, leg.v, (0.0, 0.05))
+    return multibody.integrate_tree(*start, torque=leg.torque, contacts=leg.contacts)
 
 
 @cache
