@@ -89,6 +89,29 @@ run.sol([0.01, 0.02])
 run.sol(0.01)
 run[0]
 contact.Event(0.1, 0, "touch_down", 0.1, state)
+leg = contact.hopping_leg()
+contact.LinkEvent(0.1, "slip", "foot", "shank", 0.0, leg.q, leg.v, (0, 0, 0), (0, 0, 1), (1, 0, 0))
+foot = contact.LinkContact("foot", "shank", touch)
+knees = contact.LinkPair(
+    "knees", ("body", "shank"), (0.02, 0.02), law, centers=[(0, 0, 0), (0, 0, 0)], friction=creep
+)
+feet = contact.TreeContacts(leg.model, [foot, knees])
+feet.forces(leg.q, leg.v, np.zeros((2, 3)))
+feet.energies(leg.q, leg.v, "loaded")
+feet.standing((0.0, 0.649, 0.0, 0.0, 0.0), np.zeros(5))
+multibody.integrate_tree(
+    leg.model,
+    leg.q,
+    leg.v,
+    (0.0, 0.01),
+    dt=1e-3,
+    contacts=[foot, knees],
+    stretches=np.zeros((2, 3)),
+    max_event_rate=1e8,
+    keep_events=True,
+    graze=1e-6,
+    max_substeps=100,
+)
 contact.differentiate(
     body, state, (0.0, 0.05), dt=1e-3, contacts=[touch], parameters=["mass", ("law.stiffness", 0)]
 )

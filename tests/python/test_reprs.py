@@ -72,6 +72,13 @@ def swing() -> multibody.TreeSolution:
 
 
 @cache
+def hop() -> multibody.TreeSolution:
+    leg = contact.hopping_leg()
+    start = (leg.model, leg.q, leg.v, (0.0, 0.05))
+    return multibody.integrate_tree(*start, torque=leg.torque, contacts=leg.contacts)
+
+
+@cache
 def robot() -> multibody.Robot:
     return multibody.Robot.from_urdf(
         """<robot name="door"><link name="leaf"><inertial><mass value="20"/>
@@ -221,6 +228,11 @@ MADE: dict[str, Callable[[], Any]] = {
     "CylindricalSurface": lambda: contact.CylindricalSurface((0.1, 0.2, 0.3), (0.0, 0.6, 0.8), 2 / 3),
     "SurfaceFunction": lambda: contact.SurfaceFunction(ways, lipschitz=2.0),
     "Event": lambda: bounce().events[0],
+    "HoppingLeg": contact.hopping_leg,
+    "LinkContact": lambda: contact.LinkContact("f" * 90, "shank", touch()),
+    "LinkEvent": lambda: hop().events[0],
+    "LinkPair": lambda: contact.LinkPair("p" * 90, ("a", "b"), (1 / 3, 2 / 3), LAW),
+    "TreeContacts": lambda: contact.TreeContacts(contact.hopping_leg().model, contact.hopping_leg().contacts),
     "Sensitivities": lambda: contact.differentiate(BODY, STATE, (0.0, 0.01), dt=1e-3, contacts=[touch()]),
     # trees
     "Diver": lambda: DIVER,

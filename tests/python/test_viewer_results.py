@@ -226,6 +226,8 @@ WITHOUT = {
     "HalfSpace",
     "HuntCrossley",
     "Link",
+    "LinkContact",
+    "LinkPair",
     "Loft",
     "LyapunovSpectrum",
     "MarkerSet",

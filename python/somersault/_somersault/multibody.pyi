@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from somersault._somersault import _Active, _Floats
+from somersault._somersault.contact import LinkContact, LinkEvent, LinkPair
 from somersault._somersault.integrators import RigidBody, _AnyMethod
 
 __all__ = [
@@ -269,6 +270,26 @@ class TreeSolution:
     def n_rejected(self) -> int: ...
     @property
     def sol(self) -> TreeDenseOutput | None: ...
+    @property
+    def contacts(self) -> list[LinkContact | LinkPair]: ...
+    @property
+    def events(self) -> list[LinkEvent]: ...
+    @property
+    def n_events(self) -> int: ...
+    @property
+    def n_trials(self) -> int: ...
+    @property
+    def n_substeps(self) -> int: ...
+    @property
+    def stretches(self) -> _Floats | None: ...
+    @property
+    def contact_forces(self) -> _Floats | None: ...
+    @property
+    def contact_points(self) -> _Floats | None: ...
+    @property
+    def gaps(self) -> _Floats | None: ...
+    @property
+    def elastic_energy(self) -> _Floats | None: ...
     def __len__(self) -> int: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
 
@@ -283,6 +304,12 @@ def integrate_tree(
     torque: ArrayLike | _OfTree | None = None,
     active: _Active | None = None,
     acceleration: ArrayLike | _OfTree | None = None,
+    contacts: LinkContact | LinkPair | Sequence[LinkContact | LinkPair] | None = None,
+    stretches: Literal["loaded"] | ArrayLike | None = None,
+    max_event_rate: float = 1e9,
+    keep_events: bool = True,
+    graze: float = 1e-6,
+    max_substeps: int | None = 100_000,
     rtol: float | None = None,
     atol: float | None = None,
     max_step: float | None = None,

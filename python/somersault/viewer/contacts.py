@@ -15,17 +15,28 @@ from somersault._somersault.contact import (
     ContactSystem,
     CylindricalSurface,
     HalfSpace,
+    LinkContact,
     SpherePair,
     SphericalSurface,
     Surface,
     SurfaceFunction,
 )
 from somersault._somersault.integrators import RigidBody, Solution, State
+from somersault._somersault.multibody import TreeSolution
 from somersault.viewer.results import Source
 from somersault.viewer.shapes import Box, Cylinder, Ellipsoid, Mesh, Shape, Sphere
 from somersault.viewer.tracks import Touch, touch
 
-__all__ = ["balls_of", "body_shapes", "contacts_of", "ground_of", "surface_shape", "touches_of"]
+__all__ = [
+    "balls_of",
+    "body_shapes",
+    "contacts_of",
+    "ground_of",
+    "surface_shape",
+    "surfaces_of_tree",
+    "touches_of",
+    "touches_of_tree",
+]
 
 Array = NDArray[np.float64]
 Distance: TypeAlias = Callable[[Array], tuple[float, Any]]
@@ -64,6 +75,35 @@ def touches_of(solution: Solution) -> list[Touch]:
             found.append(touch(body, np.asarray(contact.point), t, forces, away))
     for pair in solution.pairs or ():
         found += _touches_of_pair(pair, t, [[state[body] for body in pair.bodies] for state in each])
+    return found
+
+
+def surfaces_of_tree(moving: Any) -> list[LinkContact]:
+    """The contacts of a tree with surfaces, where it has any."""
+    if not isinstance(moving, TreeSolution):
+        return []
+    return [contact for contact in moving.contacts if isinstance(contact, LinkContact)]
+
+
+def touches_of_tree(solution: TreeSolution) -> list[Touch]:
+    """Forces of all contacts of a tree on its links, at its times."""
+    forces, points = solution.contact_forces, solution.contact_points
+    if forces is None or points is None:
+        return []
+    model, t = solution.model, np.asarray(solution.t)
+    poses = np.asarray(model.poses(solution.q))
+    found = []
+    for k, contact in enumerate(solution.contacts):
+        if isinstance(contact, LinkContact):
+            held = [(contact.link, np.asarray(contact.contact.point), 1.0)]
+            is_round = contact.contact.radius is not None
+        else:
+            centers = zip(contact.links, contact.centers, (1.0, -1.0), strict=True)
+            held, is_round = [(link, np.asarray(center), sign) for link, center, sign in centers], True
+        for link, point, sign in held:
+            body = model.body(link)
+            away = points[:, k] - poses[:, body, :3, 3] - poses[:, body, :3, :3] @ point
+            found.append(touch(body, point, t, sign * forces[:, k], away if is_round else None))
     return found
 
 

@@ -219,6 +219,9 @@ MOTIONS: dict[type, Callable[[Any], Subject]] = {
 
 INSTEAD: dict[type, str] = {
     contact.Event: "the Solution that it is of",
+    contact.HoppingLeg: "its `model`, with `t` and `q`",
+    contact.LinkEvent: "the TreeSolution that it is of",
+    contact.TreeContacts: "the TreeSolution of its `model` that `multibody.integrate_tree` returns",
     contact.Sensitivities: "what `somersault.integrate` returns for the same arguments",
     ftla.MatchingResult: "the Extremal that `ftla.shoot` makes of its nodes",
     ftla.PlacementResult: "the Extremal that begins there",

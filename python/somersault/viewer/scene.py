@@ -29,7 +29,14 @@ from somersault.viewer.actors import (
     named_shapes,
     shape_data,
 )
-from somersault.viewer.contacts import contacts_of, ground_of, surface_shape, touches_of
+from somersault.viewer.contacts import (
+    contacts_of,
+    ground_of,
+    surface_shape,
+    surfaces_of_tree,
+    touches_of,
+    touches_of_tree,
+)
 from somersault.viewer.figures import is_cart_pendulum, rail, robot_figure
 from somersault.viewer.results import Subject, resolve
 from somersault.viewer.shapes import Box, Shape, numbers, positive, rgb
@@ -136,7 +143,7 @@ class Scene:
             alone, which has both: a Solution, Trajectory or TreeSolution; a DiveSolution or LiteralDive; the
             Report or the Motion of a problem, or the best of a search; what collocation or a search for an
             extremal of a tree returns; a recording of markers or of a skeleton; a MotionFit; a SyntheticDive.
-            A Solution brings its surfaces too.
+            A Solution brings its surfaces too, and so does the TreeSolution of a tree in contact.
         t : array_like, shape (n,)
             Times, s, rising. Those of several motions are on one clock.
         q : array_like, shape (n, n_positions), or (n, 7) for a rigid body
@@ -165,7 +172,8 @@ class Scene:
             Points that touch: the name of a body, a point in the axes of that body, and the forces on it at
             the times of the motion, of shape (n, 3), N, in world axes, linear between them. While its force
             is not zero a point is marked, and the arrow of the force starts there; both are seen through
-            bodies and ground. Those of a Solution unless given, with the normal force of each.
+            bodies and ground. Those of a Solution unless given, with the normal force of each, and those of a
+            TreeSolution with the force of each.
 
         Raises
         ------
@@ -207,13 +215,16 @@ class Scene:
         points = [_trail(trail, found.names) for trail in trails]
         if contacts is not None:
             touches = [_touch(contact, subject, found.names) for contact in contacts]
+        elif isinstance(moving, TreeSolution):
+            touches = touches_of_tree(moving)
         else:
             touches = touches_of(moving) if isinstance(moving, Solution) else []
             self._normal |= bool(touches)
         actor = Actor(found, looks, paint, label, panel, points, touches)
         self._actors.append(actor)
         self._fixed += [(shape, _SURFACE) for shape in standing]
-        self._surround([contact for of_body in touching for contact in of_body], actor)
+        on_surfaces = [contact for of_body in touching for contact in of_body]
+        self._surround([*on_surfaces, *surfaces_of_tree(moving)], actor)
         model = subject.source.model if isinstance(subject.source, TreeSolution) else subject.source
         if isinstance(model, Model) and shapes is None and is_cart_pendulum(model):
             way = found.poses[:, 0, 0]

@@ -71,7 +71,8 @@ impl LinkContact {
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
         let contact = brief(&self.contact.bind(py).repr()?.to_cow()?, 60);
-        Ok(format!("LinkContact({:?}, {:?}, {contact})", self.name, self.link))
+        let [name, link] = [&self.name, &self.link].map(|text| brief(text, 30));
+        Ok(format!("LinkContact({name:?}, {link:?}, {contact})"))
     }
 }
 
@@ -151,7 +152,8 @@ impl LinkPair {
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
-        let (name, [a, b]) = (self.pair.name(), self.pair.links());
+        let [a, b] = self.pair.links().each_ref().map(|link| brief(link, 30));
+        let name = brief(self.pair.name(), 30);
         let ([r, s], law) = (self.radii, brief(&normal_law_repr(py, &self.law)?, 60));
         Ok(format!("LinkPair({name:?}, ({a:?}, {b:?}), ({r:?}, {s:?}), {law})"))
     }
@@ -245,7 +247,7 @@ impl LinkEvent {
     }
 
     fn __repr__(&self) -> String {
-        format!("<LinkEvent: {} of {:?} at t = {}>", self.kind, self.contact, self.t)
+        format!("<LinkEvent: {} of {:?} at t = {}>", self.kind, brief(&self.contact, 30), self.t)
     }
 }
 
@@ -741,7 +743,8 @@ impl TreeContacts {
 
     fn __repr__(&self) -> String {
         let contacts = counted(self.names.len(), "contact", "contacts");
-        format!("<TreeContacts: {contacts}: {}>", few(&self.names))
+        let names: Vec<String> = self.names.iter().map(|name| brief(name, 30)).collect();
+        format!("<TreeContacts: {contacts}: {}>", few(&names))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {

@@ -489,18 +489,18 @@ pub(crate) fn integrate_tree<'py>(
         acceleration.apply(t, q, v, out, |out, x| *out = x);
     };
     let system = TreeSystem::new(tree, &torque).driven(split, drive)?;
-    let asked = Asked { model, plan: &plan, torque: &torque, observer, progress, interval };
+    let requested = Requested { model, plan: &plan, torque: &torque, observer, progress, interval };
     let Some(contacts) = contacts else {
-        let mut monitor = asked.monitor(py, &initial, &failure)?;
+        let mut monitor = requested.monitor(py, &initial, &failure)?;
         let outcome =
             monitor.supervise(py, &plan, |monitor| plan.run(&system).observed_by(monitor).from(&initial))?;
         let n_rejected = outcome.as_ref().map_or(0, |outcome| outcome.rejected);
         let status = outcome.map(|outcome| outcome.status).map_err(Error::from);
-        return asked.conclude(py, monitor.finish(py, status), n_rejected, |_| Ok(None));
+        return requested.conclude(py, monitor.finish(py, status), n_rejected, |_| Ok(None));
     };
     let system = contacts.on(py, system, &failure)?;
     let initial = stretched(&system, stretches, interval.0, initial)?;
-    let mut monitor = asked.monitor(py, &initial, &failure)?;
+    let mut monitor = requested.monitor(py, &initial, &failure)?;
     let outcome = monitor.supervise(py, &plan, |monitor| {
         plan.run(&system).locating(location).observed_by(monitor).from(&initial)
     })?;
@@ -512,14 +512,14 @@ pub(crate) fn integrate_tree<'py>(
         }
     };
     let Located { rejected, trials, substeps, event_count, events, .. } = located;
-    asked.conclude(py, monitor.finish(py, status), rejected, |states| {
+    requested.conclude(py, monitor.finish(py, status), rejected, |states| {
         let counts = (event_count, trials, substeps);
         TreeTouches::of(py, &system, &contacts, states, &events, counts).map(Some)
     })
 }
 
-/// What a run was asked for.
-struct Asked<'a, 'py> {
+/// A run to be made.
+struct Requested<'a, 'py> {
     model: &'a Bound<'py, Model>,
     plan: &'a Plan,
     torque: &'a Given,
@@ -528,7 +528,7 @@ struct Asked<'a, 'py> {
     interval: (f64, f64),
 }
 
-impl Asked<'_, '_> {
+impl Requested<'_, '_> {
     /// What records and watches it.
     fn monitor<Q: OfTree>(
         &self,

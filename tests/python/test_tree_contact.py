@@ -1,0 +1,236 @@
+"""Trees that touch: references, the same motions as of bodies, energies, dense output, bad input."""
+
+import pickle
+import re
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.integrate import quad
+
+import somersault
+from somersault import contact, errors, multibody, viewer
+
+Array = NDArray[np.float64]
+FLOOR = contact.HalfSpace()
+LAW = contact.CompliantLaw(5e3, 20.0)
+GRIP = contact.CoulombFriction(0.4, 4e3, 30.0)
+
+
+@cache
+def hop(**options: Any) -> multibody.TreeSolution:
+    leg = contact.hopping_leg()
+    steps = {"rtol": 1e-11, "atol": 1e-13} | options
+    return multibody.integrate_tree(
+        leg.model, leg.q, leg.v, (0.0, 0.6), torque=leg.torque, contacts=leg.contacts, **steps
+    )
+
+
+def test_a_leg_hops_as_the_reference_does() -> None:
+    # in minimal coordinates, by another program, with DOP853 and located events at 1e-13
+    motion = hop()
+    assert motion.success and motion.n_events == len(motion.events) == 16
+    stances = [event.kind for event in motion.events if event.kind in ("touch_down", "release")]
+    assert stances == ["touch_down", "release"] * 3
+    angles = np.cumsum(motion.q[-1, 2:])
+    assert motion.q[-1, :2] == pytest.approx([0.4375132884, 0.4852733922], abs=1e-8)
+    assert angles == pytest.approx([-1.4596027138, 0.5776539853, -0.7019944517], abs=1e-8)
+
+
+def test_what_contacts_do_is_consistent() -> None:
+    motion, leg = hop(), contact.hopping_leg()
+    forces, gaps = motion.contact_forces, motion.gaps
+    assert forces is not None and gaps is not None and motion.stretches is not None
+    assert forces.shape == motion.stretches.shape == (len(motion), 1, 3) and gaps.shape == (len(motion), 1)
+    assert np.all(forces[gaps > 0.0] == 0.0) and forces[..., 2].min() >= 0.0
+    assert np.all(np.abs(forces[..., 0]) <= 0.5 * forces[..., 2] * (1 + 1e-12))
+    feet = contact.TreeContacts(leg.model, leg.contacts)
+    for k in range(0, len(motion), 40):
+        q, v, stretches = motion.q[k], motion.v[k], motion.stretches[k]
+        assert feet.forces(q, v, stretches) == pytest.approx(forces[k], abs=1e-9)
+        velocity = feet.jacobian(q, "foot") @ v
+        assert velocity[2] == pytest.approx(feet.gaps(q, v)[1][0], abs=1e-12)
+    # the impulse of a stance is the integral of the force, by dense output of the same motion
+    curves = hop(dense_output=True).sol
+    down, up = (event for event in motion.events if event.kind in ("touch_down", "release") if event.t < 0.2)
+    assert curves is not None
+
+    def push(t: float) -> float:
+        gap, rate = feet.gaps(*curves(t))
+        return max(0.0, -2e4 * gap[0] - 150.0 * rate[0])
+
+    assert quad(push, down.t, up.t, limit=200)[0] == pytest.approx(up.impulse, rel=1e-5)
+
+
+def test_fixed_steps_of_order_4_and_8_agree() -> None:
+    ends = [hop(rtol=None, atol=None, dt=1e-4, method=method).q[-1] for method in ("rkmk", "rkmk8")]
+    assert np.abs(ends[0] - ends[1]).max() < 1e-5
+    assert ends[1] == pytest.approx(hop().q[-1], abs=1e-9)
+
+
+def test_a_tree_of_one_body_is_that_body() -> None:
+    box = somersault.RigidBody.box(1.0, (0.2, 0.3, 0.1))
+    corners = [(x, y, -0.05) for x in (-0.1, 0.1) for y in (-0.15, 0.15)]
+    touches = [contact.Contact(corner, FLOOR, LAW, friction=GRIP) for corner in corners]
+    start = somersault.State((0, 0, 0.3), velocity=(0.7, 0, -1), angular_velocity=(1.0, 2.0, 0.5))
+    body = somersault.integrate(
+        box,
+        start,
+        (0.0, 0.5),
+        dt=1e-3,
+        method="rkmk8_b",
+        forces=somersault.forces.Gravity(),
+        contacts=touches,
+        max_substeps=None,
+    )
+    tree = multibody.Model([multibody.Link("box", "free", body=box)])
+    named = [contact.LinkContact(f"corner {k}", "box", touch) for k, touch in enumerate(touches)]
+    rates = np.concatenate([start.velocity, start.angular_velocity])
+    found = multibody.integrate_tree(
+        tree,
+        np.array([0, 0, 0.3, 0, 0, 0, 1.0]),
+        rates,
+        (0.0, 0.5),
+        dt=1e-3,
+        method="rkmk8",
+        contacts=named,
+        max_substeps=None,
+    )
+    assert [(e.kind, named[e.contact].name) for e in body.events] == [(e.kind, e.contact) for e in found.events]
+    assert found.n_events > 5
+    assert found.q[-1, :3] == pytest.approx(body.position[-1], abs=1e-10)
+    assert found.stretches is not None
+    assert found.stretches[-1] == pytest.approx(np.asarray(body.stretches), abs=1e-10)
+
+
+def test_energy_is_dissipated_and_never_created() -> None:
+    rod = somersault.RigidBody.box(0.5, (0.05, 0.05, 0.4))
+    down = np.array([0.0, 0.0, -0.4])
+    chain = multibody.Model(
+        [
+            multibody.Link("upper", "free", body=rod, center=down / 2),
+            multibody.Link("lower", "spherical", parent="upper", origin=down, body=rod, center=down / 2),
+        ]
+    )
+    ball = contact.Contact.ball(down, 0.02, FLOOR, LAW, friction=GRIP)
+    touches = [contact.LinkContact(link, link, ball) for link in chain.names]
+    touches.append(contact.LinkContact("top", "upper", contact.Contact((0, 0, 0), FLOOR, LAW)))
+    clap = contact.LinkPair("clap", ("upper", "lower"), (0.03, 0.03), LAW, centers=((0, 0, 0), down))
+    q = chain.neutral()
+    q[2:6] = 0.7, 0.3, 0.2, 0.1
+    v = np.array([0.3, 0.0, 0.0, 1.0, 2.0, 0.0, 0.0, -3.0, 0.0])
+    motion = multibody.integrate_tree(chain, chain.normalize(q), v, (0.0, 1.0), contacts=[*touches, clap])
+    elastic = motion.elastic_energy
+    assert elastic is not None and motion.n_events > 4
+    energy = chain.kinetic_energy(motion.q, motion.v) + chain.potential_energy(motion.q) + elastic
+    assert np.diff(energy).max() < 1e-7 * energy[0]
+    assert energy[-1] < 0.9 * energy[0]
+    assert [c.name for c in motion.contacts] == ["upper", "lower", "top", "clap"]
+
+
+def test_a_pose_at_rest_stays() -> None:
+    leg = contact.hopping_leg()
+    feet = contact.TreeContacts(leg.model, leg.contacts)
+    q, stretches, success = feet.standing((0.0, 0.649, 0.0, 0.0, 0.0))
+    assert success
+    assert feet.forces(q, np.zeros(5), stretches)[0] == pytest.approx([0.0, 0.0, 6.5 * 9.81], abs=1e-8)
+    still = multibody.integrate_tree(
+        leg.model, q, np.zeros(5), (0.0, 0.01), dt=1e-3, contacts=leg.contacts, stretches=stretches
+    )
+    assert still.n_events == 0 and np.abs(still.q[-1] - q).max() < 1e-12
+    _, _, success = feet.standing((0.0, 1.0, 0.0, 0.0, 0.0))
+    assert not success
+
+
+def test_a_surface_may_be_a_function_and_what_it_raises_comes_out() -> None:
+    leg = contact.hopping_leg()
+    arm = leg.contacts[0].contact
+
+    def level(point: Array) -> tuple[float, Array]:
+        return float(point[2]), np.array([0.0, 0.0, 1.0])
+
+    def broken(point: Array) -> tuple[float, Array]:
+        raise RuntimeError("no ground here")
+
+    def foot(surface: Any) -> contact.LinkContact:
+        friction = arm.friction
+        return contact.LinkContact(
+            "foot", "shank", contact.Contact(arm.point, surface, arm.law, friction=friction)
+        )
+
+    def run(surface: Any) -> multibody.TreeSolution:
+        start = (leg.model, leg.q, leg.v, (0.0, 0.1))
+        return multibody.integrate_tree(*start, torque=leg.torque, contacts=foot(surface), dt=1e-3)
+
+    assert [event.kind for event in run(level).events] == [event.kind for event in run(FLOOR).events]
+    with pytest.raises(RuntimeError, match="no ground here"):
+        run(broken)
+
+
+def test_solutions_are_pickled_and_drawn() -> None:
+    motion = hop()
+    again = pickle.loads(pickle.dumps(motion))
+    assert np.array_equal(again.contact_forces, motion.contact_forces)
+    assert [event.kind for event in again.events] == [event.kind for event in motion.events]
+    assert again.n_trials == motion.n_trials and again.contacts[0].name == "foot"
+    plain = multibody.integrate_tree(multibody.cart_pendulum(), [0, 0.1], [0, 0], (0.0, 0.1), dt=0.01)
+    assert plain.contact_forces is None and plain.events == [] and plain.contacts == []
+    scene = viewer.Scene("A leg").add(motion).play(0.1, arrows=("contact_force",))
+    assert '"ground": 0' in scene.html() or re.search(r'"ground":\s*0', scene.html())
+
+
+@pytest.mark.parametrize(
+    ("options", "part"),
+    [
+        ({"contacts": 3}, "`contacts` must hold objects of LinkContact and LinkPair, found an int"),
+        ({"stretches": "loaded"}, "`stretches` are those of contacts, and there are none"),
+        ({"contacts": "leg", "stretches": np.zeros((2, 3))}, "`stretches` must be real numbers of shape (1, 3)"),
+        ({"contacts": "leg", "max_substeps": 0}, "`max_substeps` must be positive or None, found 0"),
+        ({"contacts": "leg", "graze": -1.0}, "`graze` must be positive"),
+        ({"contacts": "twice"}, "contacts must have different names, found `foot` twice"),
+        ({"contacts": "nobody"}, "`link` must be the name of a body of the model, found `nobody`"),
+    ],
+)
+def test_what_is_not_allowed_is_named(options: dict[str, Any], part: str) -> None:
+    leg = contact.hopping_leg()
+    foot = leg.contacts[0]
+    of = {
+        "leg": leg.contacts,
+        "twice": [foot, foot],
+        "nobody": contact.LinkContact("foot", "nobody", foot.contact),
+    }
+    given = {key: of.get(value, value) if isinstance(value, str) else value for key, value in options.items()}
+    with pytest.raises(errors.InputError) as caught:
+        multibody.integrate_tree(leg.model, leg.q, leg.v, (0.0, 0.1), dt=1e-3, **given)
+    assert part in str(caught.value)
+
+
+def test_names_of_contacts_are_checked() -> None:
+    leg = contact.hopping_leg()
+    feet = contact.TreeContacts(leg.model, leg.contacts)
+    wrong: list[tuple[Callable[[], object], str]] = [
+        (lambda: feet.jacobian(leg.q, "toe"), "`contact` must be one of foot, found 'toe'"),
+        (lambda: feet.forces(leg.q[:4], leg.v), "`q` must be real numbers of shape (5,)"),
+        (
+            lambda: contact.LinkPair("pair", ("body", "body"), (0.1, 0.1), LAW),
+            "a pair of spheres must be on two links, found `body` twice",
+        ),
+        (lambda: contact.LinkPair("pair", ("a", "b"), (0.1, -0.1), LAW), "`radius` must be positive"),
+    ]
+    for call, part in wrong:
+        with pytest.raises(errors.InputError) as caught:
+            call()
+        assert part in str(caught.value)
+
+
+def test_a_run_that_fails_keeps_what_it_has() -> None:
+    leg = contact.hopping_leg()
+    with pytest.raises(errors.IntegrationError, match="too long") as caught:
+        multibody.integrate_tree(
+            leg.model, leg.q, leg.v, (0.0, 0.6), dt=0.02, contacts=leg.contacts, max_substeps=1
+        )
+    solution = caught.value.solution
+    assert solution.events[0].kind == "touch_down" and solution.status == -2
