@@ -1,8 +1,8 @@
 """A chain of two links that bounces on compliant ground for half a second, to 1e-3, 1e-6 and 1e-9.
 
-Both links hang on one hinge, which is free in a vertical plane; the hinge and both tips touch the ground, without friction.
-Contenders but MuJoCo integrate the same law, k = 2·10⁴ N/m and c = 8 N s/m that push and never pull; MuJoCo's contact is of its own
-kind, so that it is measured against its own answer with the finest step.
+Both links hang on one hinge, which is free in a vertical plane; the hinge and both tips touch the ground,
+without friction. Contenders but MuJoCo integrate the same law, k = 2·10⁴ N/m and c = 8 N s/m that push and
+never pull. MuJoCo's contact is of its own kind: it is measured against its own answer with the finest step.
 """
 
 from __future__ import annotations
@@ -108,7 +108,11 @@ class _Pinocchio:
             inertia = pinocchio.Inertia(MASSES[i], center, moment)
             self.model.appendBodyToJoint(parent, inertia, pinocchio.SE3.Identity())
         self.data = self.model.createData()
-        self.points = [(1, np.zeros(3)), (1, np.array([0.0, -LENGTHS[0], 0.0])), (2, np.array([0.0, -LENGTHS[1], 0.0]))]
+        self.points = [
+            (1, np.zeros(3)),
+            (1, np.array([0.0, -LENGTHS[0], 0.0])),
+            (2, np.array([0.0, -LENGTHS[1], 0.0])),
+        ]
 
     def rates(self, t: float, y: Array, held: Array) -> Array:
         """As `slope`, of the same state."""
@@ -208,11 +212,20 @@ def _chain() -> tuple[multibody.Model, list[contact.LinkContact], Array, Array]:
     law, floor = contact.CompliantLaw(STIFFNESS, DAMPING), contact.HalfSpace()
     touches = [
         contact.LinkContact(name, link, contact.Contact((0.0, -length, 0.0), floor, law))
-        for name, link, length in (("hinge", "first", 0.0), ("a", "first", LENGTHS[0]), ("b", "second", LENGTHS[1]))
+        for name, link, length in (
+            ("hinge", "first", 0.0),
+            ("a", "first", LENGTHS[0]),
+            ("b", "second", LENGTHS[1]),
+        )
     ]
     (x, z, a, b), (vx, vz, wa, wb) = START[:4], START[4:]
     s, c = np.sin(a), np.cos(a)
-    return model, touches, np.array([x, z, a, b - a]), np.array([c * vx + s * vz, -s * vx + c * vz, wa, wb - wa])
+    return (
+        model,
+        touches,
+        np.array([x, z, a, b - a]),
+        np.array([c * vx + s * vz, -s * vx + c * vz, wa, wb - wa]),
+    )
 
 
 def _ours(method: str, tolerance: float) -> Array:
@@ -223,7 +236,9 @@ def _ours(method: str, tolerance: float) -> Array:
     )  # fmt: skip
     q, v = found.q[-1], found.v[-1]
     s, c = np.sin(q[2]), np.cos(q[2])
-    return np.array([q[0], q[1], q[2], q[2] + q[3], c * v[0] - s * v[1], s * v[0] + c * v[1], v[2], v[2] + v[3]])
+    return np.array(
+        [q[0], q[1], q[2], q[2] + q[3], c * v[0] - s * v[1], s * v[0] + c * v[1], v[2], v[2] + v[3]]
+    )
 
 
 @cache
@@ -243,7 +258,9 @@ def contenders() -> list[Contender]:
         Contender("SciPy DOP853, events, equations by numba", "tolerance", geometric(1e-2, 1e-13, 2), _scipy),
         Contender("SciPy DOP853, events, Pinocchio", "tolerance", geometric(1e-2, 1e-13, 2), _pinocchio),
         *(
-            Contender(f"MuJoCo {integrator}", "steps", geometric(500, 32_000, 2), partial(_mujoco, integrator))
+            Contender(
+                f"MuJoCo {integrator}", "steps", geometric(500, 32_000, 2), partial(_mujoco, integrator)
+            )
             for integrator in ("Euler", "RK4", "implicitfast")
         ),
     ]
@@ -259,10 +276,10 @@ def compare(repetitions: int) -> tuple[list[dict[str, object]], str]:
     all_rows: list[dict[str, object]] = []
     parts = [
         f"## A chain that bounces for {DURATION:g} s\n\n"
-        "Two links, three points of contact; largest error of places, angles and rates at the end, SI units. Each at the "
-        "coarsest setting from which on it meets the target, against SciPy's DOP853 with events at 1e-15; processor time, "
-        "called from Python. MuJoCo's contact is of its own kind and is measured against its own answer with "
-        f"{FINEST} steps."
+        "Two links, three points of contact; largest error of places, angles and rates at the end, SI units. "
+        "Each at the coarsest setting from which on it meets the target, against SciPy's DOP853 with events "
+        "at 1e-15; processor time, called from Python. MuJoCo's contact is of its own kind and is measured "
+        f"against its own answer with {FINEST} steps."
     ]
     for target in TARGETS:
         rows, text = race(contenders(), error, target, repetitions, "error")
