@@ -115,7 +115,7 @@ pub(super) enum End {
     Spent,
 }
 
-/// How long Newton's method may go on.
+/// How long Newton's method may take.
 pub(super) struct Budget<'a> {
     pub(super) token: &'a CancellationToken,
     /// Evaluations of the equations of all arcs; none where they are not limited.
