@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 /// Stationarity, and steps, at which a program for a start ends, and how often its splines are halved.
 const ROUGH: f64 = 1e-4;
 const FEW: usize = 60;
-const HALVINGS_OF_A_START: usize = 1;
+const HALVINGS_OF_A_START: usize = 4;
 
 /// Shooting with splines, as a way to solve an optimal control problem.
 ///
