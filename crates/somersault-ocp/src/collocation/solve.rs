@@ -249,6 +249,23 @@ impl<S: NlpSolver> Collocation<S> {
         self.solve_from(problem, &meshes, Origin::Solution(solution), on_iteration, token)
     }
 
+    /// One search from the guesses of the phases, with what is left of the evaluations: where it finds no motion, no other start is
+    /// sought.
+    pub(crate) fn solve_once(
+        &self,
+        problem: &mut Problem,
+        meshes: &[Mesh],
+        on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
+        token: &CancellationToken,
+        left: &mut Option<usize>,
+    ) -> Result<CollocationReport, SearchError> {
+        self.check()?;
+        let mut found =
+            self.search(problem, meshes, Origin::Phases, Vec::new(), on_iteration, token, left)?;
+        found.relative_errors = problem.relative_errors();
+        Ok(found)
+    }
+
     fn solve_from(
         &self,
         problem: &mut Problem,

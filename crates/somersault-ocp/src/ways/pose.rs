@@ -99,7 +99,7 @@ fn names_the_start(ends: &mut Shared, phase: &Phase, guess: &Guess) -> Result<bo
 
 impl Posed {
     /// The program of a problem, with splines of so many intervals.
-    pub(super) fn try_new(problem: &Problem, n_intervals: usize) -> Result<Self, NoSplines> {
+    pub(super) fn try_new(problem: &Problem, n_intervals: usize, exact: bool) -> Result<Self, NoSplines> {
         let phase = only_phase(problem)?;
         if phase.n_controls() == 0 {
             return Err(NoSplines::NoControls);
@@ -109,7 +109,7 @@ impl Posed {
         }
         Ok(match tree_of(phase) {
             Some((tree, actuated)) => {
-                Self::Joints(Box::new(Program::of_joints(phase, tree, &actuated, n_intervals)?))
+                Self::Joints(Box::new(Program::of_joints(phase, tree, &actuated, n_intervals, exact)?))
             }
             None => Self::Controls(Box::new(Program::of_controls(phase, n_intervals)?)),
         })
@@ -144,6 +144,7 @@ impl Program<Tree> {
         tree: Tree,
         actuated: &[usize],
         n_intervals: usize,
+        exact: bool,
     ) -> Result<Self, NoSplines> {
         let n = tree.dofs().n_velocities();
         let place = |dof: usize| tree.dofs().positions[dof].unwrap_or(dof);
@@ -192,7 +193,8 @@ impl Program<Tree> {
             n_segments: if has_passive { n_segments(n_intervals) } else { n_intervals },
         };
         let shooting = Shooting::try_new(tree, start, vec![leg], ShootingOptions::default())?;
-        Self::assemble(phase, guess, shooting, mapping, left)
+        // Without defects, the model that leaves the curvature of the motion out is convex if costs are.
+        Self::assemble(phase, guess, shooting, mapping, exact || has_passive, left)
     }
 }
 
@@ -254,7 +256,8 @@ impl Program<FirstOrder> {
         let options =
             ShootingOptions { drive: Drive::Torque { dofs: controls }, ..ShootingOptions::default() };
         let shooting = Shooting::try_new(dynamics, start, vec![leg], options)?;
-        Self::assemble(phase, guess, shooting, mapping, left)
+        // multipliers of defects bend the Lagrangian as much as costs do
+        Self::assemble(phase, guess, shooting, mapping, true, left)
     }
 }
 
@@ -265,15 +268,13 @@ impl<D: HybridDynamics> Program<D> {
         guess: &Guess,
         mut shooting: Shooting<D>,
         mapping: Mapping,
+        exact: bool,
         left: [Vec<(NodeNumber, Interval)>; 2],
     ) -> Result<Self, NoSplines> {
         let bounds = &phase.bounds;
         let [_, path, mut ends] = phase.functions();
-        let integrates = !shooting.dynamics().dofs().passive_dofs().is_empty();
-        let has_curvature = integrates && shooting.second_derivatives().is_some();
+        let has_curvature = exact && shooting.second_derivatives().is_some();
         let mut problem = MotionProblem::builder(shooting);
-        // Where nothing is integrated there are no defects, and the model that leaves the curvature of the motion out is convex if
-        // costs are. Where there are, multipliers of defects bend the Lagrangian as much as costs do.
         problem = if has_curvature { problem.with_exact_hessian() } else { problem.with_curved_terms() };
         let first_of =
             |n: usize| Loss::Linear { weights: (0..n).map(|k| f64::from(u8::from(k == 0))).collect() };

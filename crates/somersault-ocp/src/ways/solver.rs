@@ -4,8 +4,9 @@ use super::pose::{STEPS, tree_of};
 use super::splines::{SplineMotionReport, Splines};
 use crate::arcs::{Polish, Polished, Verdict};
 use crate::collocation::{
-    Accuracy, Collocation, CollocationError, CollocationReport, CollocationStatus, Confirmation, Interval,
-    Mesh, MeshRecord, NO_MOTION, Phase, Problem, SearchError, USABLE, confirm_cancellable, is_ended,
+    Accuracy, Collocation, CollocationError, CollocationReport, CollocationStatus, Confirmation, Guess,
+    Interval, Mesh, MeshRecord, NO_MOTION, Phase, Problem, SearchError, USABLE, confirm_cancellable,
+    is_ended,
 };
 use somersault_core::cancel::CancellationToken;
 use somersault_nlp::{Flow, Iteration, Status};
@@ -14,8 +15,8 @@ use somersault_nlp::{Flow, Iteration, Status};
 const SEVERAL: usize = 3;
 /// Points of collocation in each interval of the splines that it starts from: their motion is exact there.
 const POINTS: usize = 5;
-/// Relative change of the cost of splines from which on halving their intervals is no better start.
-const SETTLED: f64 = 0.02;
+/// Steps on each mesh that collocation may take from splines; where it needs more, finer splines are a better start.
+const BRIEF: usize = 150;
 /// Tolerances of the collocation solutions that arcs are sought in, one after the other.
 const COARSE: [f64; 2] = [1e-4, 1e-7];
 /// A first mesh where none is given: intervals, and points of each.
@@ -131,92 +132,77 @@ impl Solver {
     ) -> Result<CollocationReport, SearchError> {
         let has_start =
             matches!(run.from, StartFrom::Solution(_)) || problem.phases.iter().any(Phase::is_guessed);
-        let [phase] = &problem.phases[..] else { return self.collocate(problem, collocation, run) };
-        let starts = !has_start && is_chain(phase);
-        if !starts {
-            return self.collocate(problem, collocation, run);
+        match &problem.phases[..] {
+            [phase] if !has_start && is_chain(phase) => {}
+            _ => return self.collocate(problem, collocation, run),
         }
         problem.expect_derivatives()?;
         let n_joints = problem.phases[0].n_controls();
-        let (splines, records) = match self.start_of_splines(problem, run) {
-            Ok(started) => started,
-            // what has no value along splines may have one along straight lines
-            Err(
-                CollocationError::NoSplines(_)
-                | CollocationError::Solver(_)
-                | CollocationError::Evaluation(_),
-            ) => return self.collocate(problem, collocation, run),
-            Err(error) => return Err(error.into()),
-        };
-        let status = splines.program.status;
-        let is_motion = splines.program.residuals.feasibility <= USABLE;
-        if splines.failure.is_some() || is_ended(status) || run.token.is_cancelled() {
-            let mut report = ended(problem, splines, run.token)?;
-            report.history = records;
-            return Ok(report);
-        }
-        let cost = splines.program.cost;
-        let mut found = if is_motion {
-            let mesh = [splines.solution.mesh().clone()];
-            let before = problem.phases[0].exchange_start(splines.solution.to_guess())?;
-            let meshes = if let StartFrom::Meshes(meshes) = run.from { meshes } else { &mesh };
-            let from = std::mem::replace(&mut run.from, StartFrom::Guess);
-            let mut resolved = Run {
-                from: StartFrom::Meshes(meshes),
-                on_iteration: &mut *run.on_iteration,
-                token: run.token,
-                left: run.left,
-            };
-            let found = self.collocate(problem, collocation, &mut resolved);
-            run.from = from;
-            problem.phases[0].restore_start(before);
-            found?
-        } else {
-            self.collocate(problem, collocation, run)?
-        };
-        found.origin = format!(
-            "With {n_joints} driven joints the search began with splines of these, whose motions have no defects: {}",
-            if is_motion {
-                format!("collocation started from theirs, which costs {cost:.6}")
-            } else {
-                format!("they found no motion ({}), and collocation started from the guess", status.message())
-            }
+        let began = format!(
+            "With {n_joints} driven joints the search began with splines, whose motions have no defects"
         );
-        found.history.splice(0..0, records);
-        Ok(found)
+        let splines = self.splines.for_a_start();
+        let mut history = Vec::new();
+        let mut guess: Option<Guess> = None;
+        for halvings in 0..=splines.max_halvings {
+            let n_intervals = splines.n_intervals << halvings;
+            let found =
+                splines.solve(problem, n_intervals, guess.as_ref(), POINTS, run.on_iteration, &mut run.left);
+            let found = match found {
+                Ok(found) => found,
+                // what has no value along splines may have one along straight lines
+                Err(
+                    CollocationError::NoSplines(_)
+                    | CollocationError::Solver(_)
+                    | CollocationError::Evaluation(_),
+                ) => break,
+                Err(error) => return Err(error.into()),
+            };
+            history.push(record_of(&found, Accuracy::UNKNOWN));
+            if found.failure.is_some() || is_ended(found.program.status) || run.token.is_cancelled() {
+                let report = ended(problem, found, run.token)?;
+                return Ok(CollocationReport { history, ..report });
+            }
+            let cost = found.program.cost;
+            guess = Some(found.solution.to_guess());
+            // the first are too coarse for collocation
+            if halvings == 0 || found.program.residuals.feasibility > USABLE {
+                continue;
+            }
+            let report = self.resolved(problem, collocation, found, run)?;
+            let is_over = match report.status {
+                CollocationStatus::Converged => true,
+                CollocationStatus::NotSolved(status) => is_ended(status),
+                _ => run.token.is_cancelled(),
+            };
+            history.extend(report.history);
+            if is_over {
+                let origin = format!("{began}: collocation started from those of cost {cost:.6}.");
+                return Ok(CollocationReport { history, origin, ..report });
+            }
+        }
+        let report = self.collocate(problem, collocation, run)?;
+        history.extend(report.history);
+        let origin = format!("{began}. Collocation did not converge from these, and started from the guess.");
+        Ok(CollocationReport { history, origin, ..report })
     }
 
-    /// Splines of intervals that are halved until the cost settles, and a record of each.
-    fn start_of_splines(
+    /// Collocation from splines, in a few steps on each mesh or not at all.
+    fn resolved(
         &self,
-        problem: &Problem,
+        problem: &mut Problem,
+        collocation: &Collocation,
+        found: SplineMotionReport,
         run: &mut Run<'_>,
-    ) -> Result<(SplineMotionReport, Vec<MeshRecord>), CollocationError> {
-        let splines = self.splines.for_a_start();
-        let (mut n_intervals, mut records) = (splines.n_intervals, Vec::new());
-        let mut best: Option<SplineMotionReport> = None;
-        loop {
-            let guess = best.as_ref().map(|before| before.solution.to_guess());
-            let found = splines.solve(
-                problem,
-                n_intervals,
-                guess.as_ref(),
-                POINTS,
-                run.on_iteration,
-                &mut run.left,
-            )?;
-            records.push(record_of(&found, Accuracy::UNKNOWN));
-            let status = found.program.status;
-            let change =
-                best.as_ref().map_or(f64::INFINITY, |before| before.program.cost - found.program.cost);
-            let has_settled = change.abs() <= SETTLED * found.program.cost.abs();
-            let is_over = found.failure.is_some() || is_ended(status) || run.token.is_cancelled();
-            if is_over || has_settled || records.len() > splines.max_halvings {
-                return Ok((found, records));
-            }
-            best = Some(found);
-            n_intervals *= 2;
-        }
+    ) -> Result<CollocationReport, SearchError> {
+        let mesh = [found.solution.mesh().clone()];
+        let meshes = if let StartFrom::Meshes(meshes) = run.from { meshes } else { &mesh };
+        let mut brief = collocation.clone();
+        brief.solver.max_iterations = brief.solver.max_iterations.min(BRIEF);
+        let before = problem.phases[0].exchange_start(found.solution.to_guess())?;
+        let report = brief.solve_once(problem, meshes, run.on_iteration, run.token, &mut run.left);
+        problem.phases[0].restore_start(before);
+        report
     }
 
     /// Splines alone, of intervals that are halved until the cost settles.

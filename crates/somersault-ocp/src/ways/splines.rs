@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 /// Stationarity, and steps, at which a program for a start ends, and how often its splines are halved.
 const ROUGH: f64 = 1e-4;
 const FEW: usize = 60;
-const HALVINGS_OF_A_START: usize = 1;
+const HALVINGS_OF_A_START: usize = 4;
 
 /// Shooting with splines, as a way to solve an optimal control problem.
 ///
@@ -26,6 +26,9 @@ pub struct Splines {
     pub n_intervals: usize,
     /// Times that these are halved at most, each program starting from the motion of the one before it.
     pub max_halvings: usize,
+    /// Whether the Hessian has the curvature of the motion where joints alone move. Without it the Hessian is that of Gauss and Newton:
+    /// fewer steps far from a minimum, and more next to one.
+    pub exact_hessian: bool,
     /// What solves the programs.
     pub solver: Sqp,
 }
@@ -33,7 +36,7 @@ pub struct Splines {
 impl Default for Splines {
     fn default() -> Self {
         let solver = Sqp { globalisation: Globalisation::Filter, stationarity_tol: 1e-6, ..Sqp::default() };
-        Self { n_intervals: 4, max_halvings: 5, solver }
+        Self { n_intervals: 4, max_halvings: 5, exact_hessian: true, solver }
     }
 }
 
@@ -45,7 +48,8 @@ impl Splines {
             max_iterations: FEW.min(self.solver.max_iterations),
             ..self.solver.clone()
         };
-        Self { max_halvings: self.max_halvings.min(HALVINGS_OF_A_START), solver, ..self.clone() }
+        let max_halvings = self.max_halvings.min(HALVINGS_OF_A_START);
+        Self { max_halvings, exact_hessian: false, solver, ..self.clone() }
     }
 }
 
@@ -74,7 +78,7 @@ impl Splines {
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
         left: &mut Option<usize>,
     ) -> Result<SplineMotionReport, CollocationError> {
-        match Posed::try_new(problem, n_intervals)? {
+        match Posed::try_new(problem, n_intervals, self.exact_hessian)? {
             Posed::Joints(program) => self.solve_posed(*program, problem, guess, points, on_iteration, left),
             Posed::Controls(program) => {
                 self.solve_posed(*program, problem, guess, points, on_iteration, left)
