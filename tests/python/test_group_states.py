@@ -119,8 +119,10 @@ def test_a_guess_says_which_way_round() -> None:
     )
     half = np.linspace(0, -0.75 * np.pi, 9)
     long = problem.solve({"q_hub_z": np.sin(half), "q_hub_w": np.cos(half)})
-    costs = [problem.solve().cost, long.cost]
-    assert costs == pytest.approx([6 * (np.pi / 2) ** 2, 6 * (1.5 * np.pi) ** 2], rel=1e-6)
+    costs = [6 * (np.pi / 2) ** 2, 6 * (1.5 * np.pi) ** 2]
+    assert [problem.solve().cost, long.cost] == pytest.approx(costs, rel=1e-6)
+    searched = problem.search(16, tol=1e-4)
+    assert [each.cost for each in searched.minima[:2]] == pytest.approx(costs, rel=1e-4)
 
 
 def test_a_satellite_turns_by_its_own_motion_with_zero_momentum() -> None:

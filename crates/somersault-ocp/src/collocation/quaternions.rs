@@ -17,9 +17,10 @@ use super::guess::{Guess, middle};
 use super::interval::Interval;
 use super::wrong_derivative::Labels;
 use crate::WrongDerivative;
-use nalgebra::{DMatrix, Quaternion, UnitQuaternion};
+use nalgebra::{DMatrix, Quaternion, UnitQuaternion, Vector3};
 use somersault_core::lie::so3;
 use somersault_nlp::EvaluationError;
+use std::f64::consts::TAU;
 
 /// Entries of a quaternion.
 pub(super) const WIDTH: usize = 4;
@@ -61,6 +62,14 @@ pub(super) fn normalize(quaternions: &[usize], row: &mut [f64]) {
         if let Some(found) = direction(block(first, row)) {
             row[first..first + WIDTH].copy_from_slice(found.coords.as_slice());
         }
+    }
+}
+
+/// Turns the quaternion of a row by a fraction of a whole turn about an axis of its body. The whole of it leads to −q.
+pub(super) fn wind(first: usize, row: &mut [f64], axis: Option<&Vector3<f64>>, fraction: f64) {
+    if let Some(axis) = axis {
+        let turned = so3::from_xyzw(block(first, row)) * so3::exp(&(axis * (TAU * fraction)));
+        row[first..first + WIDTH].copy_from_slice(turned.coords.as_slice());
     }
 }
 

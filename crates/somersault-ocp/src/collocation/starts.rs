@@ -4,9 +4,10 @@ use super::feasible_start::horizons;
 use super::guess::Guess;
 use super::interval::Interval;
 use super::problem::{Phase, Problem};
-use super::quaternions::normalize;
+use super::quaternions::{normalize, wind};
 use super::solution::PhaseSolution;
 use super::solve::{CollocationReport, CollocationStatus};
+use nalgebra::Vector3;
 use somersault_core::random::SplitMix64;
 use somersault_nlp::Report;
 use std::f64::consts::PI;
@@ -30,9 +31,21 @@ fn reach(bounds: &Interval, size: f64) -> f64 {
 }
 
 impl Phase {
-    /// A guess about `own`, on a horizon of its own: states leave it by sines, controls run between two values.
-    fn random_guess(&self, own: &Guess, horizon: (f64, f64), random: &mut SplitMix64) -> Guess {
+    /// A guess about `own`, on a horizon of its own: states leave it by sines, controls run between two values, and half of all
+    /// orientations, where they `may_wind`, take a whole turn more about a random axis.
+    fn random_guess(
+        &self,
+        own: &Guess,
+        horizon: (f64, f64),
+        may_wind: bool,
+        random: &mut SplitMix64,
+    ) -> Guess {
         let (bounds, sizes) = (&self.bounds, self.sizes);
+        let mut turn = || {
+            let axis = Vector3::from_fn(|_, _| signed(random)).try_normalize(f64::EPSILON);
+            axis.filter(|_| signed(random) > 0.0 && may_wind)
+        };
+        let turns: Vec<_> = self.quaternions.iter().map(|_| turn()).collect();
         let mut waves = |bounds: &Interval, size: f64| {
             let reach = reach(bounds, size);
             [0; SINES].map(|_| reach * signed(random))
@@ -63,6 +76,8 @@ impl Phase {
                 *x = bound.clamp(*x + sines.sum::<f64>());
             }
             normalize(&self.quaternions, &mut x);
+            let turned = self.quaternions.iter().zip(&turns);
+            turned.for_each(|(first, axis)| wind(*first, &mut x, axis.as_ref(), s));
             u.iter_mut().zip(&controls).for_each(|(u, [from, to])| *u = from + s * (to - from));
             guess.times.push(horizon.0 + s * (horizon.1 - horizon.0));
             guess.states.push(x.clone());
@@ -75,7 +90,7 @@ impl Phase {
 impl Problem {
     /// Guesses for a search, each with one for each phase, the same for the same seed. The first are the problem's own. In the others
     /// states leave these by sines, as far as bounds or their sizes allow, controls run between two random values, and free horizons
-    /// are half to twice as long.
+    /// are half to twice as long. In a problem of one phase about half of all orientations go round the other way.
     pub fn random_guesses(&self, n_starts: usize, seed: u64) -> Vec<Vec<Guess>> {
         let mut random = SplitMix64::new(seed);
         let own: Vec<Guess> = self.phases.iter().filter_map(|phase| phase.guess.clone()).collect();
@@ -86,7 +101,7 @@ impl Problem {
             let guesses = phases.map(|((phase, own), horizon)| {
                 // bounds may leave no time at all
                 let horizon = if horizon.0 < horizon.1 { horizon } else { own.interval() };
-                phase.random_guess(own, horizon, &mut random)
+                phase.random_guess(own, horizon, self.phases.len() == 1, &mut random)
             });
             all.push(guesses.collect());
         }
