@@ -169,7 +169,11 @@ fn random_trees_that_drop_miss_nothing() {
         if n > 2 {
             let (a, b) = (random.vector(0.2), random.vector(0.2));
             let law = law(&mut random);
-            pairs.push(LinkPair::try_new("pair", ("b0", a, 0.05), ("b2", b, 0.05), law).unwrap());
+            pairs.push(LinkPair::try_new("pair", ("b0", a, 0.05), ("b2", b, 0.05), law.clone()).unwrap());
+            // A knob of the first link, which carries it.
+            let knob = SphericalSurface::try_new(random.vector(0.2), 0.06, Solid::Inside).unwrap();
+            let contact = Contact::try_ball(random.vector(0.2), 0.04, Arc::new(knob), law).unwrap();
+            contacts.push(LinkContact::new("knob", "b2", contact).on("b0"));
         }
         let free = TreeSystem::new(&model, ());
         let system = TreeInContact::try_new(TreeSystem::new(&model, ()), contacts, pairs).unwrap();
