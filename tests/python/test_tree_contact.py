@@ -99,7 +99,9 @@ def test_a_tree_of_one_body_is_that_body() -> None:
         contacts=named,
         max_substeps=None,
     )
-    assert [(e.kind, named[e.contact].name) for e in body.events] == [(e.kind, e.contact) for e in found.events]
+    assert [(e.kind, named[e.contact].name) for e in body.events] == [
+        (e.kind, e.contact) for e in found.events
+    ]
     assert found.n_events > 5
     assert found.q[-1, :3] == pytest.approx(body.position[-1], abs=1e-10)
     assert found.stretches is not None
@@ -187,7 +189,10 @@ def test_solutions_are_pickled_and_drawn() -> None:
     [
         ({"contacts": 3}, "`contacts` must hold objects of LinkContact and LinkPair, found an int"),
         ({"stretches": "loaded"}, "`stretches` are those of contacts, and there are none"),
-        ({"contacts": "leg", "stretches": np.zeros((2, 3))}, "`stretches` must be real numbers of shape (1, 3)"),
+        (
+            {"contacts": "leg", "stretches": np.zeros((2, 3))},
+            "`stretches` must be real numbers of shape (1, 3)",
+        ),
         ({"contacts": "leg", "max_substeps": 0}, "`max_substeps` must be positive or None, found 0"),
         ({"contacts": "leg", "graze": -1.0}, "`graze` must be positive"),
         ({"contacts": "twice"}, "contacts must have different names, found `foot` twice"),
@@ -239,7 +244,9 @@ def test_a_run_that_fails_keeps_what_it_has() -> None:
 def test_a_box_on_a_platform_rides_with_it() -> None:
     box = somersault.RigidBody.box(1.0, (0.2, 0.2, 0.1))
     stand = multibody.Link("stand", "fixed", mass=1.0, inertia=(1, 1, 1))
-    platform = multibody.Link("platform", "prismatic", parent="stand", axis=(0, 0, 1), mass=1.0, inertia=(1, 1, 1))
+    platform = multibody.Link(
+        "platform", "prismatic", parent="stand", axis=(0, 0, 1), mass=1.0, inertia=(1, 1, 1)
+    )
     tree = multibody.Model([stand, platform, multibody.Link("box", "free", parent="stand", body=box)])
     law = contact.CompliantLaw(2e4, 200.0)
     corners = [(x, y, -0.05) for x in (-0.1, 0.1) for y in (-0.1, 0.1)]
