@@ -1,8 +1,8 @@
 """Compliant frictional contact: the integrator locates every touch-down and release, and keeps its order.
 
 `somersault.integrate` takes `Contact` objects, and `SpherePair` objects between several bodies. A step is
-cut where a contact begins or ends, and what happened is in the `events` of the solution. Links of a tree touch in
-`multibody.integrate_tree`, which takes `LinkContact` and `LinkPair` objects.
+cut where a contact begins or ends, and what happened is in the `events` of the solution. Links of a tree
+touch in `multibody.integrate_tree`, which takes `LinkContact` and `LinkPair` objects.
 
 >>> import somersault
 >>> from somersault import contact

@@ -99,7 +99,9 @@ def test_a_tree_of_one_body_is_that_body() -> None:
         contacts=named,
         max_substeps=None,
     )
-    assert [(e.kind, named[e.contact].name) for e in body.events] == [(e.kind, e.contact) for e in found.events]
+    assert [(e.kind, named[e.contact].name) for e in body.events] == [
+        (e.kind, e.contact) for e in found.events
+    ]
     assert found.n_events > 5
     assert found.q[-1, :3] == pytest.approx(body.position[-1], abs=1e-10)
     assert found.stretches is not None
@@ -187,7 +189,10 @@ def test_solutions_are_pickled_and_drawn() -> None:
     [
         ({"contacts": 3}, "`contacts` must hold objects of LinkContact and LinkPair, found an int"),
         ({"stretches": "loaded"}, "`stretches` are those of contacts, and there are none"),
-        ({"contacts": "leg", "stretches": np.zeros((2, 3))}, "`stretches` must be real numbers of shape (1, 3)"),
+        (
+            {"contacts": "leg", "stretches": np.zeros((2, 3))},
+            "`stretches` must be real numbers of shape (1, 3)",
+        ),
         ({"contacts": "leg", "max_substeps": 0}, "`max_substeps` must be positive or None, found 0"),
         ({"contacts": "leg", "graze": -1.0}, "`graze` must be positive"),
         ({"contacts": "twice"}, "contacts must have different names, found `foot` twice"),
@@ -216,7 +221,7 @@ def test_names_of_contacts_are_checked() -> None:
         (lambda: feet.forces(leg.q[:4], leg.v), "`q` must be real numbers of shape (5,)"),
         (
             lambda: contact.LinkPair("pair", ("body", "body"), (0.1, 0.1), LAW),
-            "a pair of spheres must be on two links, found `body` twice",
+            "a contact between links must be of two of them, found `body` twice",
         ),
         (lambda: contact.LinkPair("pair", ("a", "b"), (0.1, -0.1), LAW), "`radius` must be positive"),
     ]
@@ -234,3 +239,33 @@ def test_a_run_that_fails_keeps_what_it_has() -> None:
         )
     solution = caught.value.solution
     assert solution.events[0].kind == "touch_down" and solution.status == -2
+
+
+def test_a_box_on_a_platform_rides_with_it() -> None:
+    box = somersault.RigidBody.box(1.0, (0.2, 0.2, 0.1))
+    stand = multibody.Link("stand", "fixed", mass=1.0, inertia=(1, 1, 1))
+    platform = multibody.Link(
+        "platform", "prismatic", parent="stand", axis=(0, 0, 1), mass=1.0, inertia=(1, 1, 1)
+    )
+    tree = multibody.Model([stand, platform, multibody.Link("box", "free", parent="stand", body=box)])
+    law = contact.CompliantLaw(2e4, 200.0)
+    corners = [(x, y, -0.05) for x in (-0.1, 0.1) for y in (-0.1, 0.1)]
+    touches = [
+        contact.LinkContact(f"corner {k}", "box", contact.Contact(corner, FLOOR, law), on="platform")
+        for k, corner in enumerate(corners)
+    ]
+    sag = 9.81 / (4 * 2e4)
+    q, v = np.array([0, 0, 0, 0.05 - sag, 0, 0, 0, 1.0]), np.zeros(7)
+    # the platform goes up and down by 2 cm, and the box with it but for what its weight and inertia press
+    rate, height = 6.0, 0.02
+
+    def acceleration(t: float, q: Array, v: Array) -> Array:
+        return height * rate**2 * np.cos(rate * t) * np.eye(7)[0]
+
+    motion = multibody.integrate_tree(
+        tree, q, v, (0.0, 1.0), active=["platform"], acceleration=acceleration, contacts=touches, rtol=1e-9
+    )
+    assert motion.n_events == 0
+    assert motion.q[:, 0] == pytest.approx(height * (1 - np.cos(rate * motion.t)), abs=1e-7)
+    assert np.ptp(motion.q[:, 3] - motion.q[:, 0]) < 2 * height * rate**2 / (4 * 2e4) * 1.5
+    assert [c.on for c in pickle.loads(pickle.dumps(motion)).contacts] == ["platform"] * 4

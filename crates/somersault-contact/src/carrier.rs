@@ -68,6 +68,21 @@ pub(crate) struct Frame {
     pub(crate) angular_velocity: Vector3<f64>,
 }
 
+impl Frame {
+    /// As it stands and moves in the axes of another frame.
+    #[inline]
+    pub(crate) fn seen_from(&self, other: &Self) -> Self {
+        let turn = &other.rotation;
+        let span = self.origin - other.origin;
+        Self {
+            origin: turn.tr_mul(&span),
+            rotation: turn.tr_mul(&self.rotation),
+            velocity: turn.tr_mul(&(self.velocity - other.velocity_at(&span))),
+            angular_velocity: turn.tr_mul(&(self.angular_velocity - other.angular_velocity)),
+        }
+    }
+}
+
 impl Carrier for Frame {
     #[inline(always)]
     fn origin(&self) -> &Vector3<f64> {

@@ -64,8 +64,8 @@ pub enum ContactError {
         /// The name given.
         found: String,
     },
-    /// A pair of spheres on one link.
-    #[error("a pair of spheres must be on two links, found `{link}` twice")]
+    /// A link that touches itself.
+    #[error("a contact between links must be of two of them, found `{link}` twice")]
     SameLink {
         /// Name of the link.
         link: String,

@@ -17,6 +17,7 @@
 //! A gap over a surface with the Lipschitz constant K then has a rate of at most K (V + Ω l), and where the surface is
 //! a convex obstacle, or a concave one at some distance from its centre, a bound of φ̈ from below: a [`Sweep`].
 
+use crate::carrier::Frame;
 use crate::shape::Shape;
 use crate::surface::Surface;
 use nalgebra::Vector3;
@@ -24,6 +25,7 @@ use somersault_integrators::body::RigidBody;
 use somersault_integrators::events::Sweep;
 use somersault_integrators::force::{ForceModel, Reach, WrenchBound};
 use somersault_integrators::state::RigidBodyState;
+use somersault_multibody::motion::LinkBound;
 
 /// Bounds of the motion of a body.
 #[derive(Debug, Clone, Copy)]
@@ -63,6 +65,22 @@ pub(crate) struct PointSweep {
 }
 
 impl PointSweep {
+    /// The same in the axes of a frame that moves within a bound: no farther from its origin than at the start and by what
+    /// both travel.
+    pub(crate) fn seen_from(&self, frame: &Frame, bound: &LinkBound) -> Self {
+        let Self { centre, time, speed, acceleration, size } = *self;
+        let span = centre - frame.origin;
+        let reach = span.norm() + (speed + bound.speed) * time;
+        let relative = speed + bound.speed_at(reach);
+        Self {
+            centre: frame.rotation.tr_mul(&span),
+            time,
+            speed: relative,
+            acceleration: acceleration + bound.acceleration_at(reach) + 2.0 * bound.spin * relative,
+            size: size + frame.origin.amax(),
+        }
+    }
+
     /// The sweep of its gap over a surface.
     #[inline]
     pub(crate) fn against<S: Surface + ?Sized>(&self, shape: &Shape, surface: &S) -> Sweep {

@@ -79,10 +79,11 @@ def touches_of(solution: Solution) -> list[Touch]:
 
 
 def surfaces_of_tree(moving: Any) -> list[LinkContact]:
-    """The contacts of a tree with surfaces, where it has any."""
+    """The contacts of a tree with surfaces that stand in the world, where it has any."""
     if not isinstance(moving, TreeSolution):
         return []
-    return [contact for contact in moving.contacts if isinstance(contact, LinkContact)]
+    contacts = [contact for contact in moving.contacts if isinstance(contact, LinkContact)]
+    return [contact for contact in contacts if contact.on is None]
 
 
 def touches_of_tree(solution: TreeSolution) -> list[Touch]:

@@ -18,12 +18,20 @@ pub struct LinkContact {
     name: String,
     link: String,
     contact: Contact,
+    base: Option<String>,
 }
 
 impl LinkContact {
     /// A contact of the body `link` of a model.
     pub fn new(name: impl Into<String>, link: impl Into<String>, contact: Contact) -> Self {
-        Self { name: name.into(), link: link.into(), contact }
+        Self { name: name.into(), link: link.into(), contact, base: None }
+    }
+
+    /// The same with its surface fixed in the frame of the body `base`: a board, a platform, a conveyor. It pushes on that body
+    /// as on the link.
+    #[must_use]
+    pub fn on(self, base: impl Into<String>) -> Self {
+        Self { base: Some(base.into()), ..self }
     }
 
     /// Name of the contact.
@@ -34,6 +42,11 @@ impl LinkContact {
     /// Name of the link.
     pub fn link(&self) -> &str {
         &self.link
+    }
+
+    /// Name of the body that carries the surface; none where it stands in the world.
+    pub fn base(&self) -> Option<&str> {
+        self.base.as_deref()
     }
 
     /// What touches what, and under which laws.
@@ -87,6 +100,8 @@ impl LinkPair {
 pub struct TreeContacts {
     names: Vec<String>,
     contacts: BodyContacts,
+    /// The bodies that carry the surfaces.
+    bases: Vec<Option<usize>>,
     /// Of the links, kg.
     masses: Vec<f64>,
     /// What each contact's speed is at most over the root of the energy, 1/√kg.
@@ -104,9 +119,13 @@ impl TreeContacts {
         let number = |argument, link: String| {
             model.body(&link).map_err(|_| ContactError::NoLink { argument, found: link })
         };
-        let (mut placed, mut paired) = (Vec::new(), Vec::new());
-        for LinkContact { name, link, contact } in on_surfaces {
+        let (mut placed, mut paired, mut bases) = (Vec::new(), Vec::new(), Vec::new());
+        for LinkContact { name, link, contact, base } in on_surfaces {
+            if base.as_ref() == Some(&link) {
+                return Err(ContactError::SameLink { link });
+            }
             placed.push((number("link", link)?, contact));
+            bases.push(base.map(|base| number("on", base)).transpose()?);
             names.push(name);
         }
         for LinkPair { name, links: [a, b], spheres: [first, second], law } in pairs {
@@ -125,7 +144,9 @@ impl TreeContacts {
         let root = |link: usize, point: &Vector3<f64>, radius: f64| {
             Ok::<_, ContactError>((2.0 * mobility_bound(model, link, point, radius)?).sqrt())
         };
-        let mobility = |part: Part<'_>| match part {
+        let mobility = |(i, part): (usize, Part<'_>)| match part {
+            // The point of a surface that is touched may be anywhere on the body that carries it.
+            Part::Surface(..) if bases[i].is_some() => Ok(f64::INFINITY),
             Part::Surface(link, contact) => {
                 let shape = contact.shape();
                 root(link, shape.centre(), shape.reach() - shape.centre().norm())
@@ -135,8 +156,8 @@ impl TreeContacts {
                 Ok(root(a.body(), a.centre(), 0.0)? + root(b.body(), b.centre(), 0.0)?)
             }
         };
-        let mobilities = contacts.parts().map(mobility).collect::<Result<_, _>>()?;
-        Ok(Self { names, contacts, masses, mobilities })
+        let mobilities = contacts.parts().enumerate().map(mobility).collect::<Result<_, _>>()?;
+        Ok(Self { names, contacts, bases, masses, mobilities })
     }
 
     /// Number of contacts.
@@ -159,10 +180,11 @@ impl TreeContacts {
         guard % self.len().max(1)
     }
 
-    /// The number of the link of contact `i`, or of its first link, and that of the second of a pair.
+    /// The number of the link of contact `i`, or of its first link, and that of the second of a pair, or of the body that
+    /// carries its surface.
     pub fn links(&self, i: usize) -> Result<(usize, Option<usize>), ContactError> {
         match self.part(i)? {
-            Part::Surface(link, _) => Ok((link, None)),
+            Part::Surface(link, _) => Ok((link, self.base(i))),
             Part::Pair(pair) => {
                 let [a, b] = pair.spheres();
                 Ok((a.body(), Some(b.body())))
@@ -189,10 +211,46 @@ impl TreeContacts {
         self.mobilities[i]
     }
 
-    /// The encounter of a contact, and on what it acts.
+    /// The body that carries the surface of contact `i`.
     #[inline]
-    pub(super) fn meet(&self, part: &Part<'_>, bodies: &Velocities<'_>) -> (Encounter, Hold) {
-        part.meet(|link| frame(bodies, link), |link| self.masses[link])
+    pub(super) fn base(&self, i: usize) -> Option<usize> {
+        self.bases.get(i).copied().flatten()
+    }
+
+    /// The encounter of contact `i`, and on what it acts.
+    #[inline]
+    pub(super) fn meet(&self, i: usize, part: &Part<'_>, bodies: &Velocities<'_>) -> (Encounter, Hold) {
+        match (part, self.base(i)) {
+            (Part::Surface(link, contact), Some(base)) => self.meet_on_base((*link, contact), base, bodies),
+            (Part::Surface(..) | Part::Pair(_), _) => {
+                part.meet(|link| frame(bodies, link), |link| self.masses[link])
+            }
+        }
+    }
+
+    /// Of a contact whose surface is carried by a body: in its frame, where the surface rests, and seen from the world again.
+    fn meet_on_base(
+        &self,
+        (link, contact): (usize, &Contact),
+        base: usize,
+        bodies: &Velocities<'_>,
+    ) -> (Encounter, Hold) {
+        let (carrier, ground) = (frame(bodies, link), frame(bodies, base));
+        let [m_a, m_b] = [link, base].map(|body| self.masses[body]);
+        let (at, _) = contact.meet_on(m_a / (1.0 + m_a / m_b), &carrier.seen_from(&ground));
+        let turned = |v: &Vector3<f64>| ground.rotation * v;
+        let point = ground.origin + turned(&at.point);
+        let at = Encounter {
+            normal: turned(&at.normal),
+            point,
+            sliding: turned(&at.sliding),
+            turning: turned(&at.turning),
+            // The plane of contact turns with its body, and on it.
+            tilting: turned(&at.tilting) + ground.angular_velocity,
+            ..at
+        };
+        let arms = [carrier.origin, ground.origin].map(|origin| point - origin);
+        (at, Hold { first: (link, arms[0]), second: Some((base, arms[1])) })
     }
 }
 

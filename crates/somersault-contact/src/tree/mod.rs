@@ -8,13 +8,16 @@
 //! state, beside the rates of the joints. Every method that moves trees takes a [`TreeInContact`], in fixed or adapted steps,
 //! with located events.
 //!
+//! A surface stands in the world, or is carried by a body of the tree ([`LinkContact::on`]): a board on a spring, a platform or a
+//! conveyor whose joint is [driven](somersault_multibody::motion::Driven) as a function of time.
+//!
 //! # How a step is proved clear
 //!
 //! A contact moves no faster than √(2 (1/m + l²/I)) times the root of the energy E, with the mass m and the least principal
 //! moment I of its link, whatever the joints do; and where nothing drives the tree, √E grows at √(M/2) g at most, M the mass of
 //! the tree. So where the forces have a [potential](somersault_multibody::motion::TreeForces::potential) and no joint is driven,
 //! steps whose gaps exceed that are *proved* clear. Where torques may give energy, and near a surface, where accelerations
-//! decide, speeds and accelerations are bounded along the chain from the rates of the joints at both ends of the step
+//! decide, and of surfaces that a body carries, speeds and accelerations are bounded along the chain from the rates of the joints at both ends of the step
 //! ([`LinkBounds`](somersault_multibody::motion::LinkBounds)), |v_P| ≤ |v₀| + Σ |ωⱼ| lⱼ, with accelerations of the joints
 //! estimated as twice those of the cubics through the ends. That is no proof; it fails where a step is too long for the
 //! accelerations of the joints.

@@ -57,7 +57,7 @@ impl<F: TreeForces, D: JointDrive> TreeInContact<'_, F, D> {
         let of_all = self.seen((&x.configuration.0, &x.rate.base), |bodies| {
             let parts = self.contacts().parts().zip(&x.rate.variables).enumerate();
             let touch = parts.map(|(contact, (part, stretch))| {
-                let (at, law) = (self.contacts().meet(&part, bodies).0, part.law());
+                let (at, law) = (self.contacts().meet(contact, &part, bodies).0, part.law());
                 let mode = law.mode(&at, stretch);
                 let effort = law.effort_in(&mode, &at, stretch);
                 Touch {

@@ -170,10 +170,10 @@ impl<'m, F: TreeForces, D: JointDrive> TreeInContact<'m, F, D> {
 
     /// Energy of the springs of contacts and friction, J.
     pub(super) fn springs(&self, bodies: &Velocities<'_>, stretches: &[Vector3<f64>]) -> f64 {
-        let of = |(part, stretch): (Part<'_>, &Vector3<f64>)| {
-            part.law().energy(self.contacts.meet(&part, bodies).0.gap, stretch)
+        let of = |(i, (part, stretch)): (usize, (Part<'_>, &Vector3<f64>))| {
+            part.law().energy(self.contacts.meet(i, &part, bodies).0.gap, stretch)
         };
-        self.contacts.parts().zip(stretches).map(of).sum()
+        self.contacts.parts().zip(stretches).enumerate().map(of).sum()
     }
 
     /// The root of the energy that can become motion, √J: kinetic energy, springs and the potential of the forces, none of
@@ -199,13 +199,16 @@ impl<'m, F: TreeForces, D: JointDrive> TreeInContact<'m, F, D> {
             Part::Surface(link, contact) => {
                 let (shape, at, bound) = (contact.shape(), frame(bodies, *link), &links[*link]);
                 let lever = shape.reach();
-                let point = PointSweep {
+                let mut point = PointSweep {
                     centre: at.origin + at.rotation * shape.centre(),
                     time: h,
                     speed: bound.speed_at(lever),
                     acceleration: bound.acceleration_at(lever),
                     size: at.origin.amax() + lever,
                 };
+                if let Some(base) = self.contacts.base(i) {
+                    point = point.seen_from(&frame(bodies, base), &links[base]);
+                }
                 let sweep = contact.sweep_of(&point);
                 let constant = contact.surface().lipschitz();
                 Sweep { speed: proved.map_or(sweep.speed, |speed| constant * speed), ..sweep }
@@ -229,7 +232,7 @@ impl<'m, F: TreeForces, D: JointDrive> TreeInContact<'m, F, D> {
         i: usize,
         bodies: &Velocities<'_>,
     ) -> Result<DMatrix<f64>, ContactError> {
-        let (at, hold) = self.contacts.meet(&self.contacts.part(i)?, bodies);
+        let (at, hold) = self.contacts.meet(i, &self.contacts.part(i)?, bodies);
         let n = self.model().n_velocities();
         let of = |link: usize| {
             let positions = bodies.positions();
@@ -275,7 +278,7 @@ impl<E: FnMut(usize, &ContactLaw, &Encounter) -> Wrench> BodyWrenches for Pressi
             if (self.is_open)(i) {
                 continue;
             }
-            let (at, hold) = self.contacts.meet(&part, bodies);
+            let (at, hold) = self.contacts.meet(i, &part, bodies);
             hold.press(&effort(i, part.law(), &at), |link, wrench| {
                 let turn = frame(bodies, link).rotation;
                 wrenches[link] += Force::new(turn.tr_mul(&wrench.force), turn.tr_mul(&wrench.torque));
@@ -297,7 +300,7 @@ impl<F: TreeForces, D: JointDrive> Encounters<Coordinates> for TreeInContact<'_,
     ) {
         self.seen((q, p), |bodies| {
             for (i, part) in self.contacts.parts().enumerate() {
-                see(i, part.law(), &self.contacts.meet(&part, bodies).0);
+                see(i, part.law(), &self.contacts.meet(i, &part, bodies).0);
             }
         });
     }
@@ -399,8 +402,12 @@ impl<F: TreeForces, D: JointDrive> Hybrid for TreeInContact<'_, F, D> {
     fn examine(&self, guard: usize, x: &TouchingState) -> Result<(), SurfaceFault> {
         let Ok(part) = self.contacts.part(guard) else { return Ok(()) };
         let examined = self.seen((&x.configuration.0, &x.rate.base), |bodies| match &part {
-            Part::Surface(link, contact) => contact.examine_on(&frame(bodies, *link)),
-            Part::Pair(_) => SpherePair::examine_at(&self.contacts.meet(&part, bodies).0),
+            Part::Surface(link, contact) => {
+                let carrier = frame(bodies, *link);
+                let base = self.contacts.base(guard).map(|base| frame(bodies, base));
+                contact.examine_on(&base.map_or(carrier, |base| carrier.seen_from(&base)))
+            }
+            Part::Pair(_) => SpherePair::examine_at(&self.contacts.meet(guard, &part, bodies).0),
         });
         examined.unwrap_or(Ok(()))
     }
@@ -414,7 +421,7 @@ impl<F: TreeForces, D: JointDrive> Hybrid for TreeInContact<'_, F, D> {
         let rates = self.seen((&x.configuration.0, &x.rate.base), |bodies| {
             let closed = self.contacts.parts().zip(mode).enumerate().filter(|(_, (_, mode))| !mode.is_open());
             let rate = |(i, (part, _)): (usize, (Part<'_>, &ContactMode))| {
-                let (at, _) = self.contacts.meet(&part, bodies);
+                let (at, _) = self.contacts.meet(i, &part, bodies);
                 let jacobian = self.relative_jacobian(i, bodies).ok()?;
                 Some(part.law().rate(&at, &mobility(&jacobian, &factor, &at.normal)))
             };

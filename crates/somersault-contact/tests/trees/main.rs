@@ -3,6 +3,7 @@
 mod allocation;
 mod bodies;
 mod bounds;
+mod carried;
 mod drops;
 mod energy;
 mod orders;

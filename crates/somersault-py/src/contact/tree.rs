@@ -34,6 +34,9 @@ use somersault::multibody::motion::{Coordinates, JointDrive, TreeForces, TreeSys
 /// contact : Contact
 ///     What touches which surface and under which laws. Its lengths are in the frame of the link, from the
 ///     origin of that frame.
+/// on : str, optional
+///     The body of the model that carries the surface, in whose frame it is then: a board, a platform, a conveyor. The
+///     surface stands in the world unless given.
 ///
 /// Examples
 /// --------
@@ -47,16 +50,19 @@ pub(crate) struct LinkContact {
     name: String,
     link: String,
     contact: Py<Contact>,
+    on: Option<String>,
 }
 
 value! {
-    impl LinkContact(name, link, contact) {
+    impl LinkContact(name, link, contact, on) {
         /// str: Name of the contact.
         name: &str = |own| &own.name;
         /// str: The body of the model.
         link: &str = |own| &own.link;
         /// Contact: What touches which surface and under which laws.
         contact: Py<Contact> = |own, py| own.contact.clone_ref(py);
+        /// str or None: The body that carries the surface.
+        on: Option<&str> = |own| own.on.as_deref();
         /// Surface or callable: The surface.
         surface: Py<PyAny> = |own, py| own.contact.get().surface(py);
     }
@@ -65,14 +71,16 @@ value! {
 #[pymethods]
 impl LinkContact {
     #[new]
-    fn new(name: String, link: String, contact: Py<Contact>) -> Self {
-        Self { name, link, contact }
+    #[pyo3(signature = (name, link, contact, on=None))]
+    fn new(name: String, link: String, contact: Py<Contact>, on: Option<String>) -> Self {
+        Self { name, link, contact, on }
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
         let contact = brief(&self.contact.bind(py).repr()?.to_cow()?, 60);
         let [name, link] = [&self.name, &self.link].map(|text| brief(text, 30));
-        Ok(format!("LinkContact({name:?}, {link:?}, {contact})"))
+        let on = self.on.as_ref().map_or_else(String::new, |on| format!(", on={:?}", brief(on, 30)));
+        Ok(format!("LinkContact({name:?}, {link:?}, {contact}{on})"))
     }
 }
 
@@ -394,8 +402,10 @@ impl TreeContactList {
         failure: &Failure,
     ) -> Result<TreeInContact<'m, F, D>, Error> {
         let contact = |own: &Py<LinkContact>| {
-            let LinkContact { name, link, contact } = own.get();
-            tree::LinkContact::new(name.clone(), link.clone(), contact.get().contact(py, failure))
+            let LinkContact { name, link, contact, on } = own.get();
+            let contact = contact.get().contact(py, failure);
+            let contact = tree::LinkContact::new(name.clone(), link.clone(), contact);
+            on.iter().fold(contact, |contact, base| contact.on(base))
         };
         let on_surfaces = self.on_surfaces.iter().map(contact).collect();
         let pairs = self.pairs.iter().map(|pair| pair.get().pair.clone()).collect();
@@ -858,7 +868,7 @@ pub(crate) fn hopping_leg(py: Python<'_>) -> Result<HoppingLeg, Error> {
     let contact = |own: tree::LinkContact| -> Result<_, Error> {
         let contact = Py::new(py, Contact::of(py, own.contact())?)?;
         let (name, link) = (own.name().to_owned(), own.link().to_owned());
-        Ok(Py::new(py, LinkContact { name, link, contact })?)
+        Ok(Py::new(py, LinkContact { name, link, contact, on: None })?)
     };
     let contacts = leg.contacts()?.into_iter().map(contact).collect::<Result<_, _>>()?;
     Ok(HoppingLeg { leg, model, contacts })
