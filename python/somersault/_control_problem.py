@@ -426,7 +426,8 @@ class ControlProblem:
 
         The first start is the straight line. From the others, states leave it by sines as far as bounds or
         their sizes allow, controls run between two random values, and free horizons are half to twice as
-        long; half of all orientations go round the other way. Solutions are the same where states, parameters and horizons agree to three digits.
+        long; half of all orientations go round the other way. Solutions are the same where states, parameters
+        and horizons agree to three digits.
 
         Parameters
         ----------

@@ -263,7 +263,9 @@ def _linked(
         jump = given.get(name, (0.0, 0.0))
         i, j = left.state_names.index(name), right.state_names.index(name)
         end, start = left._final[i], right._initial[j]
-        if start[0] - end[1] > jump[1] or start[1] - end[0] < jump[0]:
+        # both signs of a quaternion are the same orientation
+        is_quaternion = any(0 <= i - first < 4 for first in left._quaternions)
+        if not is_quaternion and (start[0] - end[1] > jump[1] or start[1] - end[0] < jump[0]):
             raise InputError(
                 f"`phases` must end and begin as `{argument}` says: {name} is {_shown(end)} at the end of"
                 f" phase {k}, {_shown(start)} at the start of phase {k + 1}, and may jump by {_shown(jump)}"

@@ -282,6 +282,16 @@ fn phases_continue_an_orientation_and_ends_may_be_free() {
     let found = solved(vec![there, back], Linkage::continuous(0, 1, 7), 1e-6);
     // 12 d²/T³ ½ from rest to rest over π in two seconds
     assert!((found.cost - 0.5 * 12.0 * PI * PI / 8.0).abs() < 1e-6, "{}", found.cost);
+    // or the second phase says where it starts, or both do
+    let anything = [Interval::FREE; 3];
+    let middle = |half: f64| at(half, anything).collect::<Vec<_>>();
+    for first in [open(anything).collect(), middle(PI / 4.0)] {
+        let there = turning(Cost::Effort).initial_state(at(0.0, rest)).final_state(first);
+        let back = turning(Cost::Effort).horizon(1.0, 2.0).initial_state(middle(PI + PI / 4.0));
+        let legs = vec![there, back.final_state(at(PI / 2.0, rest))];
+        let other = solved(legs, Linkage::continuous(0, 1, 7), 1e-6);
+        assert!((found.cost - other.cost).abs() < 1e-8);
+    }
     // from an orientation that is free
     let spin = [0.0, 0.0, 1.0].map(Interval::fixed);
     let stopped = turning(Cost::Effort).initial_state(open(spin)).final_state(at(1.0, rest));
@@ -297,7 +307,7 @@ fn what_is_no_quaternion_is_refused() {
     assert!(error.to_string().contains("q_hub_x"), "{error}");
     assert!(given([0.0; 4]).is_err());
     // four digits are enough
-    assert!(given([0.0, 0.0, 0.7071, 0.7071]).is_ok());
+    assert!(given([0.0, 0.0, 0.5547, 0.8321]).is_ok());
     for first in [vec![4], vec![0, 2], vec![9]] {
         let phase = Phase::new(Body, Cost::Effort).quaternions(first);
         assert!(matches!(Problem::try_new(phase), Err(CollocationError::Quaternions { .. })));

@@ -137,7 +137,7 @@ pub enum CollocationError {
     )]
     NothingFree,
     /// A quaternion that is far from unit norm.
-    #[error("`{argument}`{} must have a quaternion of unit norm at {entry}, found norm {norm}", of(*phase))]
+    #[error("`{argument}`{} must have a quaternion of norm 1, to a thousandth, at {entry}, found norm {norm}", of(*phase))]
     NotUnit {
         /// Number of the phase where there are several.
         phase: Option<usize>,

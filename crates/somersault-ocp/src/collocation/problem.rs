@@ -532,6 +532,33 @@ impl Scales {
     }
 }
 
+/// Gives an orientation at which a phase starts to the end of the phase that leads there: as four fixed numbers it would fix the norm
+/// that the earlier phase leads to.
+fn pass_on(phases: &mut [Phase], Linkage { left, right, difference }: &Linkage) {
+    let (Quantity::State(from), Quantity::State(to)) = (left.quantity, right.quantity) else { return };
+    let is_onward = left.end == End::Finish && right.end == End::Start && left.phase < right.phase;
+    if !is_onward || *difference != Interval::fixed(0.0) {
+        return;
+    }
+    let Some((before, after)) = phases.split_at_mut_checked(right.phase) else { return };
+    let (Some(before), Some(after)) = (before.get_mut(left.phase), after.first_mut()) else { return };
+    if !before.quaternions.contains(&from) || !after.quaternions.contains(&to) {
+        return;
+    }
+    let own = to..to + quaternions::WIDTH;
+    let ends = (
+        before.bounds.final_state.get_mut(from..from + quaternions::WIDTH),
+        after.bounds.initial_state.get_mut(own.clone()),
+        after.bounds.state.get(own),
+    );
+    let (Some(end), Some(start), Some(allowed)) = ends else { return };
+    let is_given = |intervals: &[Interval]| intervals.iter().all(Interval::is_fixed);
+    if is_given(start) && (!is_given(end) || quaternions::are_alike(end, start)) {
+        end.copy_from_slice(start);
+        start.copy_from_slice(allowed);
+    }
+}
+
 /// Gives the guess of a phase that sign of a quaternion with which the phase before it ends.
 fn face(phases: &mut [Phase], Linkage { left, right, .. }: &Linkage) {
     let (Quantity::State(from), Quantity::State(to)) = (left.quantity, right.quantity) else { return };
@@ -564,11 +591,15 @@ impl Problem {
     }
 
     /// A problem of several phases, whose costs are added.
-    pub fn try_of_phases(phases: Vec<Phase>, mut linkages: Vec<Linkage>) -> Result<Self, CollocationError> {
+    pub fn try_of_phases(
+        mut phases: Vec<Phase>,
+        mut linkages: Vec<Linkage>,
+    ) -> Result<Self, CollocationError> {
         if phases.is_empty() {
             return Err(CollocationError::NoPhase);
         }
         let several = phases.len() > 1;
+        linkages.iter().for_each(|linkage| pass_on(&mut phases, linkage));
         let mut posed = Vec::with_capacity(phases.len());
         for (number, mut phase) in phases.into_iter().enumerate() {
             let is_linked = |state| {

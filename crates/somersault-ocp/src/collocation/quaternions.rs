@@ -56,6 +56,12 @@ pub(super) fn are_opposite(a: &[f64], b: &[f64]) -> bool {
     quaternion(a).coords.dot(&quaternion(b).coords) < 0.0
 }
 
+/// Whether two that are given are the same orientation.
+pub(super) fn are_alike(a: &[Interval], b: &[Interval]) -> bool {
+    let found = [a, b].map(|own| direction(&own.iter().map(|interval| interval.lower).collect::<Vec<_>>()));
+    matches!(found, [Some(a), Some(b)] if so3::angle_between(&a, &b) < ROUNDED)
+}
+
 /// Brings the quaternions of a row to unit norm.
 pub(super) fn normalize(quaternions: &[usize], row: &mut [f64]) {
     for &first in quaternions {

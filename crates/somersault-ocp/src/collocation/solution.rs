@@ -49,11 +49,11 @@ impl Deref for PhaseSolution {
 #[derive(Debug, Clone, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct PhaseRows {
-    /// x.
+    /// x; quaternions have norm 1 to the tolerance.
     pub states: Vec<Vec<f64>>,
     /// u; nothing is collocated at the end.
     pub controls: Vec<Vec<f64>>,
-    /// λ.
+    /// λ; [`Model::derivatives_along`](somersault_multibody::Model::derivatives_along) makes covectors of displacements of those of q.
     pub costates: Vec<Vec<f64>>,
     /// Multipliers of the path constraints as functions of time: positive at upper bounds.
     pub path_multipliers: Vec<Vec<f64>>,
