@@ -309,7 +309,7 @@ def integrate_tree(
     max_event_rate: float = 1e9,
     keep_events: bool = True,
     graze: float = 1e-6,
-    max_substeps: int | None = 100_000,
+    max_substeps: int | None = ...,
     rtol: float | None = None,
     atol: float | None = None,
     max_step: float | None = None,
