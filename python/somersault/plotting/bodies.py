@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 import somersault
 from somersault.errors import InputError
+from somersault.plotting.given import given_axes
 from somersault.plotting.labels import label_ends
 from somersault.plotting.palette import AXES, MUTED
 from somersault.viewer.results import resolve
@@ -188,7 +189,7 @@ def tree_motion(moving: Any, bodies: Sequence[str] | None = None, ax: Axes | Non
         if name not in joints:
             known = ", ".join(joints)
             raise InputError(f"`bodies` must be of those whose joint has one angle, {known}, found '{name}'")
-    ax = ax or plt.figure(figsize=(9.0, 4.5), layout="constrained").add_subplot()
+    ax = given_axes(ax, (9.0, 4.5))
     q = np.asarray(motion.q)
     for i, name in enumerate(shown):
         line = ("-", "--", ":", "-.")[i // len(MUTED) % 4]
@@ -239,7 +240,7 @@ def tree_configuration(
         raise TypeError(f"`model` must be a Model, found {type(model).__name__}")
     if not isinstance(view, str) or len(view) != 2 or len(set(view) & set("xyz")) != 2:
         raise InputError(f"`view` must be two of the axes x, y and z, found {view!r}")
-    ax = ax or plt.figure(figsize=(4.0, 6.0), layout="constrained").add_subplot()
+    ax = given_axes(ax, (4.0, 6.0))
     right, up = ("xyz".index(axis) for axis in view)
     page = np.eye(3)[[right, up]]
     towards = np.cross(*page)

@@ -11,6 +11,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from numpy.typing import ArrayLike, NDArray
 
 from somersault import errors, ftla
+from somersault.plotting.given import given_axes
 from somersault.plotting.labels import label_ends
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ def exponents(
     >>> ax.get_xlabel()
     'averaging time, s'
     """
-    ax = ax or plt.figure(figsize=(5.0, 3.6), layout="constrained").add_subplot()
+    ax = given_axes(ax, (5.0, 3.6))
     times = [spectrum.time for spectrum in spectra]
     rates = np.sort([spectrum.rates for spectrum in spectra], axis=1)
     stable, center, _ = dims or (0, rates.shape[1], 0)
@@ -97,7 +98,7 @@ def exponent_history(found: ftla.LyapunovSpectrum, ax: Axes | None = None) -> Ax
     """
     if not isinstance(found, ftla.LyapunovSpectrum):
         raise TypeError(f"`found` must be a LyapunovSpectrum, found {type(found).__name__}")
-    ax = ax or plt.figure(figsize=(5.0, 3.6), layout="constrained").add_subplot()
+    ax = given_axes(ax, (5.0, 3.6))
     ax.axhline(0.0, color="0.8", lw=0.8, zorder=0)
     for curve, exponent, error in zip(found.history.T, found.exponents, found.errors, strict=True):
         sure = bool(abs(exponent) > error)
@@ -154,7 +155,7 @@ def exponent_map(
         raise errors.InputError(
             f"`field` must be over a grid of two states that vary, found points of shape {field.points.shape}"
         )
-    ax = ax or plt.figure(figsize=(6.4, 3.6), layout="constrained").add_subplot()
+    ax = given_axes(ax, (6.4, 3.6))
     x, y = (field.points[..., k] for k in varying)
     # the highest of all are those of walls and rests, beside which nothing would be seen
     seen = field.exponents[np.isfinite(field.exponents)]
@@ -274,7 +275,7 @@ def subspace_angles(
     >>> ax.get_xlabel()
     'time, s'
     """
-    ax = ax or plt.figure(figsize=(6.4, 3.6), layout="constrained").add_subplot()
+    ax = given_axes(ax, (6.4, 3.6))
     times, points = np.asarray(times, dtype=float), np.asarray(points, dtype=float)
     found = np.full((len(times), 3), np.nan)
     for row, (p, h) in enumerate(zip(points, flow.system.field(points), strict=True)):

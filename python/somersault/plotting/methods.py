@@ -13,6 +13,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 import somersault
+from somersault.plotting.given import given_axes
 from somersault.plotting.palette import MUTED
 
 if TYPE_CHECKING:
@@ -87,7 +88,7 @@ def stability_regions(regions: Mapping[str, Any], ax: Axes | None = None) -> Axe
     >>> [text.get_text() for text in ax.get_legend().get_texts()]
     ['Heun  (5.87)', 'RK4  (12.70)']
     """
-    ax = ax or plt.figure(figsize=(7.0, 6.2), layout="compressed").add_subplot()
+    ax = given_axes(ax, (7.0, 6.2), "compressed")
     handles = []
     for names, region in _same_regions(regions):
         look = style(names[0])
@@ -179,7 +180,7 @@ def energy_ratios(
     >>> [tick.get_text() for tick in ax.get_xticklabels()]
     ['RKMK', 'DMV2S']
     """
-    ax = ax or plt.figure(figsize=(9.0, 4.6), layout="constrained").add_subplot()
+    ax = given_axes(ax, (9.0, 4.6))
     low, high = limits
     steps: Sequence[int] = next(iter(studies.values())).steps if studies else []
     shades = plt.get_cmap("viridis")(np.linspace(0.0, 0.92, len(steps)))
@@ -232,7 +233,7 @@ def observed_orders(
     """
     names = list(observed)
     width = max(6.0, 0.27 * len(names))
-    ax = ax or plt.figure(figsize=(width, 3.6), layout="constrained").add_subplot()
+    ax = given_axes(ax, (width, 3.6))
     if stated is not None:
         ax.plot(
             range(len(names)),
@@ -301,7 +302,7 @@ def work_precision_diagram(
     >>> ax.get_xscale(), len(ax.lines)
     ('log', 2)
     """
-    ax = ax or plt.figure(figsize=(9.0, 5.4), layout="constrained").add_subplot()
+    ax = given_axes(ax, (9.0, 5.4))
     for name, run in runs.items():
         values = np.asarray(run.errors[error])
         drawn = np.isfinite(values) & (values > 0)

@@ -9,6 +9,7 @@ mod energy;
 mod orders;
 mod report;
 mod scenes;
+mod shots;
 mod slider;
 
 use somersault_testkit::allocations::Counting;

@@ -1,21 +1,5 @@
-//! How far the links of a tree move during a step.
-//!
-//! Two bounds of a different kind, for whatever watches points of links between the ends of a step:
-//!
-//! * **Along the chain**, from the states at both ends ([`LinkBounds`]). With the rates of the joints, u along and ω about their
-//!   axes, and the distance ρ from the origin of a link to that of its parent λ,
-//!
-//!   ```text
-//!   V = V_λ + Ω_λ ρ + u,    A = A_λ + (α_λ + Ω_λ²) ρ + 2 Ω_λ u + u̇,
-//!   Ω = Ω_λ + ω,            α = α_λ + ω̇ + Ω_λ ω
-//!   ```
-//!   are no less than speed and acceleration of the origin, angular speed and angular acceleration; a point at a distance l from
-//!   the origin has V + Ω l and A + (α + Ω²) l at most. Rates of joints are at most the larger of those at the ends
-//!   and half a step of their acceleration. That one is *estimated*: twice the largest of the cubic through both ends,
-//!   and of rotations twice the mean. It is no proof: it fails where a step is too long for the accelerations of the joints.
-//! * **By the energy** ([`mobility_bound`]): no link has more kinetic energy than the tree, whatever its joints do. With the mass m
-//!   and the least principal moment I of a link, a point at a distance l from its centre of mass moves no faster than
-//!   √(2 T (1/m + l²/I)) under a kinetic energy T. This holds always.
+//! How far the links of a tree move during a step, for whatever watches points of them between its ends: along the chain of
+//! joints, from the states at both ends ([`LinkBounds`]), and by the energy ([`mobility_bound`]).
 
 use crate::coordinates::{Coordinates, Rates};
 use crate::data::Data;
@@ -69,7 +53,19 @@ struct JointBound {
     turn: f64,
 }
 
-/// Bounds of the motion of all links during a step, with the room to compute them.
+/// Bounds of the motion of all links during a step, along the chain of joints from the states at both ends, with the room to
+/// compute them.
+///
+/// With the rates of the joints, u along and ω about their axes, and the distance ρ from the origin of a link to that of its
+/// parent λ,
+/// ```text
+/// V = V_λ + Ω_λ ρ + u,    A = A_λ + (α_λ + Ω_λ²) ρ + 2 Ω_λ u + u̇,
+/// Ω = Ω_λ + ω,            α = α_λ + ω̇ + Ω_λ ω
+/// ```
+/// are no less than speed and acceleration of the origin, angular speed and angular acceleration. Rates of joints are at most
+/// the larger of those at the ends and half a step of their acceleration. That one is *estimated*: twice the largest of the
+/// cubic through both ends, and of rotations twice the mean. It is no proof: it fails where a step is too long for the
+/// accelerations of the joints. [`mobility_bound`] is one that always holds.
 #[derive(Debug, Clone)]
 pub struct LinkBounds {
     v: Vec<f64>,
@@ -184,8 +180,9 @@ impl JointBound {
     }
 }
 
-/// A bound of |v|²/(2 T), 1/kg, of all points within `radius` (m) of `point`, which is in the frame of body `i`, m: see the
-/// [module](self). Infinite where the link, and all that is fixed to it on the way to the root, has no mass or no moment
+/// A bound of |v|²/(2 T), 1/kg, of all points within `radius` (m) of `point`, which is in the frame of body `i`, m, under a kinetic
+/// energy T of the tree: 1/m + l²/I with the mass m and the least principal moment I of the link and the distance l from its
+/// centre of mass, since no link has more energy than the tree, whatever its joints do. Infinite where the link, and all that is fixed to it on the way to the root, has no mass or no moment
 /// about some axis.
 pub fn mobility_bound(
     model: &Model,
