@@ -15,6 +15,8 @@ use somersault_nlp::{Flow, Iteration, Status};
 const SEVERAL: usize = 3;
 /// Points of collocation in each interval of the splines that it starts from: their motion is exact there.
 const POINTS: usize = 5;
+/// Halvings of the first splines before collocation starts from any.
+const COARSE_HALVINGS: usize = 2;
 /// Steps on each mesh that collocation may take from splines; where it needs more, finer splines are a better start.
 const BRIEF: usize = 150;
 /// Tolerances of the collocation solutions that arcs are sought in, one after the other.
@@ -166,7 +168,7 @@ impl Solver {
             let cost = found.program.cost;
             guess = Some(found.solution.to_guess());
             // the first are too coarse for collocation
-            if halvings == 0 || found.program.residuals.feasibility > USABLE {
+            if halvings < COARSE_HALVINGS || found.program.residuals.feasibility > USABLE {
                 continue;
             }
             let report = self.resolved(problem, collocation, found, run)?;
