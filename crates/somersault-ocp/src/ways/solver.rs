@@ -15,8 +15,8 @@ use somersault_nlp::{Flow, Iteration, Status};
 const SEVERAL: usize = 3;
 /// Points of collocation in each interval of the splines that it starts from: their motion is exact there.
 const POINTS: usize = 5;
-/// Halvings of the first splines before collocation starts from any.
-const COARSE_HALVINGS: usize = 2;
+/// Halvings of the first splines before collocation starts from any, where all joints are driven and where some are integrated.
+const COARSE_HALVINGS: [usize; 2] = [2, 1];
 /// Steps on each mesh that collocation may take from splines; where it needs more, finer splines are a better start.
 const BRIEF: usize = 150;
 /// Tolerances of the collocation solutions that arcs are sought in, one after the other.
@@ -143,6 +143,8 @@ impl Solver {
         let began = format!(
             "With {n_joints} driven joints the search began with splines, whose motions have no defects"
         );
+        let has_passive = 2 * n_joints < problem.phases[0].n_states();
+        let coarse = COARSE_HALVINGS[usize::from(has_passive)];
         let splines = self.splines.for_a_start();
         let mut history = Vec::new();
         let mut guess: Option<Guess> = None;
@@ -168,7 +170,7 @@ impl Solver {
             let cost = found.program.cost;
             guess = Some(found.solution.to_guess());
             // the first are too coarse for collocation
-            if halvings < COARSE_HALVINGS || found.program.residuals.feasibility > USABLE {
+            if halvings < coarse || found.program.residuals.feasibility > USABLE {
                 continue;
             }
             let report = self.resolved(problem, collocation, found, run)?;
