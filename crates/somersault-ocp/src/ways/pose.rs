@@ -194,7 +194,7 @@ impl Program<Tree> {
         };
         let shooting = Shooting::try_new(tree, start, vec![leg], ShootingOptions::default())?;
         // Without defects, the model that leaves the curvature of the motion out is convex if costs are.
-        Self::assemble(phase, guess, shooting, mapping, exact || has_passive, left)
+        Self::assemble(phase, guess, shooting, mapping, exact || has_passive, None, left)
     }
 }
 
@@ -217,8 +217,9 @@ fn expect_guess(phase: &Phase) -> Result<&Guess, NoSplines> {
 impl Program<FirstOrder> {
     fn of_controls(phase: &Phase, n_intervals: usize) -> Result<Self, NoSplines> {
         let (n, n_parameters, m) = (phase.n_states(), phase.n_parameters(), phase.n_controls());
-        let [function, ..] = phase.functions();
-        let dynamics = FirstOrder::new(function, n, n_parameters, m);
+        let [function, path, _] = phase.functions();
+        let dynamics = FirstOrder::new([function, path], n, n_parameters, m);
+        let cost = NodeNumber::Of(Part::Velocity, dynamics.cost());
         let velocity = |k: usize| NodeNumber::Of(Part::Velocity, k);
         let controls: Vec<usize> = dynamics.controls().collect();
         let mapping = Mapping {
@@ -257,18 +258,20 @@ impl Program<FirstOrder> {
             ShootingOptions { drive: Drive::Torque { dofs: controls }, ..ShootingOptions::default() };
         let shooting = Shooting::try_new(dynamics, start, vec![leg], options)?;
         // multipliers of defects bend the Lagrangian as much as costs do
-        Self::assemble(phase, guess, shooting, mapping, true, left)
+        Self::assemble(phase, guess, shooting, mapping, true, Some(cost), left)
     }
 }
 
 impl<D: HybridDynamics> Program<D> {
-    /// Costs and constraints of the phase over the motion; `left` are bounds of its two ends that hold by themselves nowhere.
+    /// Costs and constraints of the phase over the motion; `integrated` is the integral of
+    /// the running cost where there is one, and `left` are bounds of the two ends that hold by themselves nowhere.
     fn assemble(
         phase: &Phase,
         guess: &Guess,
         mut shooting: Shooting<D>,
         mapping: Mapping,
         exact: bool,
+        integrated: Option<NodeNumber>,
         left: [Vec<(NodeNumber, Interval)>; 2],
     ) -> Result<Self, NoSplines> {
         let bounds = &phase.bounds;
@@ -278,8 +281,13 @@ impl<D: HybridDynamics> Program<D> {
         problem = if has_curvature { problem.with_exact_hessian() } else { problem.with_curved_terms() };
         let first_of =
             |n: usize| Loss::Linear { weights: (0..n).map(|k| f64::from(u8::from(k == 0))).collect() };
-        let cost = PointTerm::new("running cost", path.clone(), mapping.point(), 0..1);
-        problem = problem.lagrange(cost, first_of(1))?;
+        problem = match integrated {
+            Some(cost) => problem.mayer(At::End, Chosen(vec![cost]), first_of(1))?,
+            None => {
+                let cost = PointTerm::new("running cost", path.clone(), mapping.point(), 0..1);
+                problem.lagrange(cost, first_of(1))?
+            }
+        };
         let constrained = |bounds: &[Interval]| bounds.iter().any(is_bound);
         if constrained(&bounds.path) {
             let rows = 1..1 + bounds.path.len();

@@ -240,12 +240,13 @@ impl Solver {
             }
             let confirmation =
                 confirm_cancellable(problem, std::slice::from_ref(&found.solution), run.token)?;
-            let cost = found.program.cost;
+            // that of the motion: a program has the errors of its quadrature
+            let cost = confirmation.cost;
             let size = cost.abs().max(1.0);
             let change = previous.map_or(f64::INFINITY, |before: f64| (cost - before).abs());
             let accuracy = Accuracy {
                 equations: confirmation.max_defect(),
-                cost: change.max((cost - confirmation.cost).abs()) / size,
+                cost: (change + (cost - found.program.cost).abs()) / size,
                 violation: confirmation.max_violation(),
                 ..Accuracy::default()
             };
@@ -262,7 +263,7 @@ impl Solver {
                     CollocationStatus::MeshLimit
                 };
                 let mut report = report_of(problem, found, status, confirmation);
-                report.history = history;
+                (report.history, report.cost) = (history, cost);
                 return Ok(report);
             }
             previous = Some(cost);
