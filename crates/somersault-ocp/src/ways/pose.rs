@@ -27,6 +27,9 @@ pub(super) const STEPS: usize = 6;
 /// Places of a guess that splines are fitted to, for each of their coefficients.
 const SAMPLES: usize = 3;
 
+/// Where derivatives are looked at beside the guess, relative to the size of arguments.
+const SHIFT: f64 = 0.01;
+
 /// Where a node has the variables of the phase.
 pub(super) struct Mapping {
     pub(super) states: Vec<NodeNumber>,
@@ -91,10 +94,22 @@ fn names_the_start(ends: &mut Shared, phase: &Phase, guess: &Guess) -> Result<bo
         [&guess.states[0][..], &guess.states[guess.states.len() - 1], &guess.parameters].concat();
     arguments.extend([guess.times[0], guess.times[guess.times.len() - 1]]);
     let mut jacobian = nalgebra::DMatrix::zeros(ends.n_outputs(), arguments.len());
-    ends.jacobian(&arguments, &mut jacobian)
-        .map_err(|error| NoSplines::Undefined { what: error.to_string() })?;
     let is_free = |k: &usize| !phase.bounds.initial_state[*k].is_fixed();
-    Ok((0..n).filter(is_free).any(|k| jacobian.column(k).iter().any(|x| *x != 0.0)))
+    // at the guess a derivative may vanish by chance
+    for shift in [0.0, SHIFT] {
+        let shifted: Vec<f64> = arguments
+            .iter()
+            .enumerate()
+            .map(|(k, x)| x + shift * (1.0 + x.abs()) * ((k + 1) as f64).sqrt())
+            .collect();
+        ends.jacobian(&shifted, &mut jacobian)
+            .map_err(|error| NoSplines::Undefined { what: error.to_string() })?;
+        let names = |k: usize| jacobian.column(k).iter().any(|x| x.is_finite() && *x != 0.0);
+        if (0..n).filter(is_free).any(names) {
+            return Ok(true);
+        }
+    }
+    Ok(false)
 }
 
 impl Posed {
@@ -278,7 +293,12 @@ impl<D: HybridDynamics> Program<D> {
         let [_, path, mut ends] = phase.functions();
         let has_curvature = exact && shooting.second_derivatives().is_some();
         let mut problem = MotionProblem::builder(shooting);
-        problem = if has_curvature { problem.with_exact_hessian() } else { problem.with_curved_terms() };
+        problem = match integrated {
+            _ if has_curvature => problem.with_exact_hessian(),
+            // the solver builds its own
+            Some(_) => problem,
+            None => problem.with_curved_terms(),
+        };
         let first_of =
             |n: usize| Loss::Linear { weights: (0..n).map(|k| f64::from(u8::from(k == 0))).collect() };
         problem = match integrated {
