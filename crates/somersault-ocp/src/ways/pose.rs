@@ -27,6 +27,9 @@ pub(super) const STEPS: usize = 6;
 /// Places of a guess that splines are fitted to, for each of their coefficients.
 const SAMPLES: usize = 3;
 
+/// Where derivatives are looked at beside the guess, relative to the size of arguments.
+const SHIFT: f64 = 0.01;
+
 /// Where a node has the variables of the phase.
 pub(super) struct Mapping {
     pub(super) states: Vec<NodeNumber>,
@@ -91,10 +94,22 @@ fn names_the_start(ends: &mut Shared, phase: &Phase, guess: &Guess) -> Result<bo
         [&guess.states[0][..], &guess.states[guess.states.len() - 1], &guess.parameters].concat();
     arguments.extend([guess.times[0], guess.times[guess.times.len() - 1]]);
     let mut jacobian = nalgebra::DMatrix::zeros(ends.n_outputs(), arguments.len());
-    ends.jacobian(&arguments, &mut jacobian)
-        .map_err(|error| NoSplines::Undefined { what: error.to_string() })?;
     let is_free = |k: &usize| !phase.bounds.initial_state[*k].is_fixed();
-    Ok((0..n).filter(is_free).any(|k| jacobian.column(k).iter().any(|x| *x != 0.0)))
+    // at the guess a derivative may vanish by chance
+    for shift in [0.0, SHIFT] {
+        let shifted: Vec<f64> = arguments
+            .iter()
+            .enumerate()
+            .map(|(k, x)| x + shift * (1.0 + x.abs()) * ((k + 1) as f64).sqrt())
+            .collect();
+        ends.jacobian(&shifted, &mut jacobian)
+            .map_err(|error| NoSplines::Undefined { what: error.to_string() })?;
+        let names = |k: usize| jacobian.column(k).iter().any(|x| x.is_finite() && *x != 0.0);
+        if (0..n).filter(is_free).any(names) {
+            return Ok(true);
+        }
+    }
+    Ok(false)
 }
 
 impl Posed {
@@ -194,7 +209,7 @@ impl Program<Tree> {
         };
         let shooting = Shooting::try_new(tree, start, vec![leg], ShootingOptions::default())?;
         // Without defects, the model that leaves the curvature of the motion out is convex if costs are.
-        Self::assemble(phase, guess, shooting, mapping, exact || has_passive, left)
+        Self::assemble(phase, guess, shooting, mapping, exact || has_passive, None, left)
     }
 }
 
@@ -217,8 +232,9 @@ fn expect_guess(phase: &Phase) -> Result<&Guess, NoSplines> {
 impl Program<FirstOrder> {
     fn of_controls(phase: &Phase, n_intervals: usize) -> Result<Self, NoSplines> {
         let (n, n_parameters, m) = (phase.n_states(), phase.n_parameters(), phase.n_controls());
-        let [function, ..] = phase.functions();
-        let dynamics = FirstOrder::new(function, n, n_parameters, m);
+        let [function, path, _] = phase.functions();
+        let dynamics = FirstOrder::new([function, path], n, n_parameters, m);
+        let cost = NodeNumber::Of(Part::Velocity, dynamics.cost());
         let velocity = |k: usize| NodeNumber::Of(Part::Velocity, k);
         let controls: Vec<usize> = dynamics.controls().collect();
         let mapping = Mapping {
@@ -257,29 +273,41 @@ impl Program<FirstOrder> {
             ShootingOptions { drive: Drive::Torque { dofs: controls }, ..ShootingOptions::default() };
         let shooting = Shooting::try_new(dynamics, start, vec![leg], options)?;
         // multipliers of defects bend the Lagrangian as much as costs do
-        Self::assemble(phase, guess, shooting, mapping, true, left)
+        Self::assemble(phase, guess, shooting, mapping, true, Some(cost), left)
     }
 }
 
 impl<D: HybridDynamics> Program<D> {
-    /// Costs and constraints of the phase over the motion; `left` are bounds of its two ends that hold by themselves nowhere.
+    /// Costs and constraints of the phase over the motion; `integrated` is the integral of
+    /// the running cost where there is one, and `left` are bounds of the two ends that hold by themselves nowhere.
     fn assemble(
         phase: &Phase,
         guess: &Guess,
         mut shooting: Shooting<D>,
         mapping: Mapping,
         exact: bool,
+        integrated: Option<NodeNumber>,
         left: [Vec<(NodeNumber, Interval)>; 2],
     ) -> Result<Self, NoSplines> {
         let bounds = &phase.bounds;
         let [_, path, mut ends] = phase.functions();
         let has_curvature = exact && shooting.second_derivatives().is_some();
         let mut problem = MotionProblem::builder(shooting);
-        problem = if has_curvature { problem.with_exact_hessian() } else { problem.with_curved_terms() };
+        problem = match integrated {
+            _ if has_curvature => problem.with_exact_hessian(),
+            // the solver builds its own
+            Some(_) => problem,
+            None => problem.with_curved_terms(),
+        };
         let first_of =
             |n: usize| Loss::Linear { weights: (0..n).map(|k| f64::from(u8::from(k == 0))).collect() };
-        let cost = PointTerm::new("running cost", path.clone(), mapping.point(), 0..1);
-        problem = problem.lagrange(cost, first_of(1))?;
+        problem = match integrated {
+            Some(cost) => problem.mayer(At::End, Chosen(vec![cost]), first_of(1))?,
+            None => {
+                let cost = PointTerm::new("running cost", path.clone(), mapping.point(), 0..1);
+                problem.lagrange(cost, first_of(1))?
+            }
+        };
         let constrained = |bounds: &[Interval]| bounds.iter().any(is_bound);
         if constrained(&bounds.path) {
             let rows = 1..1 + bounds.path.len();

@@ -15,6 +15,8 @@ use somersault_nlp::{Flow, Iteration, Status};
 const SEVERAL: usize = 3;
 /// Points of collocation in each interval of the splines that it starts from: their motion is exact there.
 const POINTS: usize = 5;
+/// Halvings of the first splines before collocation starts from any, where all joints are driven and where some are integrated.
+const COARSE_HALVINGS: [usize; 2] = [2, 1];
 /// Steps on each mesh that collocation may take from splines; where it needs more, finer splines are a better start.
 const BRIEF: usize = 150;
 /// Tolerances of the collocation solutions that arcs are sought in, one after the other.
@@ -141,6 +143,8 @@ impl Solver {
         let began = format!(
             "With {n_joints} driven joints the search began with splines, whose motions have no defects"
         );
+        let has_passive = 2 * n_joints < problem.phases[0].n_states();
+        let coarse = COARSE_HALVINGS[usize::from(has_passive)];
         let splines = self.splines.for_a_start();
         let mut history = Vec::new();
         let mut guess: Option<Guess> = None;
@@ -166,7 +170,7 @@ impl Solver {
             let cost = found.program.cost;
             guess = Some(found.solution.to_guess());
             // the first are too coarse for collocation
-            if halvings == 0 || found.program.residuals.feasibility > USABLE {
+            if halvings < coarse || found.program.residuals.feasibility > USABLE {
                 continue;
             }
             let report = self.resolved(problem, collocation, found, run)?;
@@ -236,12 +240,13 @@ impl Solver {
             }
             let confirmation =
                 confirm_cancellable(problem, std::slice::from_ref(&found.solution), run.token)?;
-            let cost = found.program.cost;
+            // that of the motion: a program has the errors of its quadrature
+            let cost = confirmation.cost;
             let size = cost.abs().max(1.0);
             let change = previous.map_or(f64::INFINITY, |before: f64| (cost - before).abs());
             let accuracy = Accuracy {
                 equations: confirmation.max_defect(),
-                cost: change.max((cost - confirmation.cost).abs()) / size,
+                cost: (change + (cost - found.program.cost).abs()) / size,
                 violation: confirmation.max_violation(),
                 ..Accuracy::default()
             };
@@ -258,7 +263,7 @@ impl Solver {
                     CollocationStatus::MeshLimit
                 };
                 let mut report = report_of(problem, found, status, confirmation);
-                report.history = history;
+                (report.history, report.cost) = (history, cost);
                 return Ok(report);
             }
             previous = Some(cost);

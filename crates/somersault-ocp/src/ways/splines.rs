@@ -119,7 +119,7 @@ impl Splines {
             (states, controls)
         };
         let n_nodes = shooting.outline().n_nodes();
-        let samples: Vec<(Vec<f64>, Vec<f64>)> = (0..n_nodes).map(sample).collect();
+        let samples: Vec<Sample> = (0..n_nodes).map(sample).collect();
         let parameters = mapping.parameters.iter();
         let parameters = parameters.map(|source| source.value(&shooting.node(0))).collect();
         let horizon = (mapping.start, mapping.start + shooting.durations()[0]);
@@ -129,9 +129,12 @@ impl Splines {
     }
 }
 
+/// States and controls of a node.
+type Sample = (Vec<f64>, Vec<f64>);
+
 /// The motion on a mesh of the intervals of the splines, by the polynomial through all nodes of each: that of joints is exact.
 fn on_mesh(
-    samples: &[(Vec<f64>, Vec<f64>)],
+    samples: &[Sample],
     n_intervals: usize,
     points: usize,
     horizon: (f64, f64),
@@ -143,7 +146,7 @@ fn on_mesh(
     let bases: Vec<[f64; STEPS + 1]> =
         radau.points().iter().map(|tau| through_nodes(0.5 * (tau + 1.0) * STEPS as f64)).collect();
     let (mut states, mut controls) = (Vec::new(), Vec::new());
-    let combined = |first: usize, basis: &[f64], of: fn(&(Vec<f64>, Vec<f64>)) -> &Vec<f64>| {
+    let combined = |first: usize, basis: &[f64], of: fn(&Sample) -> &Vec<f64>| {
         let mut row = vec![0.0; of(&samples[first]).len()];
         for (sample, factor) in samples[first..].iter().zip(basis) {
             row.iter_mut().zip(of(sample)).for_each(|(x, s)| *x += factor * s);

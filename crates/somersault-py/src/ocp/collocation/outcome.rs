@@ -81,8 +81,8 @@ value! {
         confirmed: bool = |own| own.report.confirmation.is_confirmed(own.tol);
         /// Verification: The motion re-integrated, interval by interval, phase after phase.
         verification: Result<Py<PyAny>, Error> = |own, py| own.verifier.get(py);
-        /// float: Cost as the program sees it; that of an accurate integration is `verified_cost`. Of one of several phases both are
-        /// accurate.
+        /// float: Cost as the program sees it; that of an accurate integration is `verified_cost`. Of one of several phases, and of
+        /// splines, both are accurate.
         cost: f64 = |own| own.report.cost;
         /// float: Cost with the running cost integrated accurately along the motion.
         verified_cost: f64 = |own| own.report.confirmation.cost;
