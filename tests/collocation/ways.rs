@@ -44,7 +44,7 @@ fn chain(n: usize) -> Model {
     let rod = || MassProperties::rod(1.0, Vector3::zeros(), -0.5 * Vector3::y());
     builder.add(Link::root("0", joint, rod())).unwrap();
     for k in 1..n {
-        let link = Link::child(&k.to_string(), &(k - 1).to_string(), joint, rod());
+        let link = Link::child(k.to_string(), (k - 1).to_string(), joint, rod());
         builder.add(link.at(-0.5 * Vector3::y())).unwrap();
     }
     builder.build().unwrap()
