@@ -116,16 +116,16 @@ def effort(x, u):  # type: ignore[no-untyped-def]
 
 def test_the_arm_of_the_thesis_is_solved_in_three_ways_that_agree() -> None:
     posed = arm_function()
-    splines = posed.solve(method="shooting", tol=1e-3)
+    splines = posed.solve(method="shooting", tol=1e-2)
     collocation = posed.solve(method="collocation")
     exact = posed.solve(method="indirect")
     assert splines.success and collocation.success and exact.success, (splines.message, exact.message)
     assert exact.residual < 1e-10
     assert collocation.cost == pytest.approx(exact.cost, rel=1e-6)
-    assert splines.cost == pytest.approx(exact.cost, rel=1e-4) and splines.cost_error < 1e-3
+    assert splines.cost == pytest.approx(exact.cost, rel=1e-4) and splines.cost_error < 1e-2
     times = np.linspace(0, 2, 9)
     np.testing.assert_allclose(collocation.state(times), exact.state(times), atol=1e-4)
-    np.testing.assert_allclose(splines.state(times), exact.state(times), atol=1e-2)
+    np.testing.assert_allclose(splines.state(times), exact.state(times), atol=5e-2)
     # the tree is the same problem, by splines of its joints
     tree = ocp.ControlProblem(multibody.two_link_arm(), running_cost=effort, **ENDS)  # type: ignore[arg-type]
     joints = tree.solve(method="shooting", tol=1e-5)

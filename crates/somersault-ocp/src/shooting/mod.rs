@@ -93,7 +93,7 @@ struct Segment {
     gap: GroupTransport,
     /// First defect of the gap at the start.
     first_defect: usize,
-    /// Variables on which the nodes depend: of the parameters those whose splines act there.
+    /// Variables on which the nodes depend: of the parameters those whose splines act there, where nothing is integrated.
     variables: Vec<usize>,
     /// Which of these each parameter of the phase is.
     rows: Vec<Option<usize>>,
@@ -271,7 +271,13 @@ impl<D: HybridDynamics> Shooting<D> {
         let durations = layout.durations[..=phase].iter().flatten().copied();
         let per_step = self.scheme.points_per_step();
         let points = steps.start * per_step..=steps.end * per_step;
-        let acting = self.phases[phase].table.acting(points, layout.parameters[phase].len());
+        let n_parameters = layout.parameters[phase].len();
+        // segments with a state are few, and their variables are those of the whole phase
+        let acting = if passive.is_empty() {
+            self.phases[phase].table.acting(points, n_parameters)
+        } else {
+            vec![true; n_parameters]
+        };
         let parameters =
             layout.parameters[phase].clone().filter(|k| acting[k - layout.parameters[phase].start]);
         let mut variables: Vec<usize> = state.chain(parameters).chain(durations).collect();

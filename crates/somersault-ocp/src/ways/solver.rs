@@ -229,14 +229,19 @@ impl Solver {
                 &mut run.left,
             )?;
             let status = found.program.status;
-            if found.failure.is_some()
-                || is_ended(status)
-                || run.token.is_cancelled()
-                || !status.is_converged()
-            {
+            let is_over = found.failure.is_some() || is_ended(status) || run.token.is_cancelled();
+            let is_last = history.len() >= self.splines.max_halvings;
+            if is_over || !status.is_converged() && is_last {
                 let mut report = ended(problem, found, run.token)?;
                 history.append(&mut report.history);
                 return Ok(CollocationReport { history, ..report });
+            }
+            if !status.is_converged() {
+                // finer splines may help its program out
+                history.push(record_of(&found, Accuracy::UNKNOWN));
+                guess = Some(found.solution.to_guess());
+                n_intervals *= 2;
+                continue;
             }
             let confirmation =
                 confirm_cancellable(problem, std::slice::from_ref(&found.solution), run.token)?;
@@ -252,7 +257,7 @@ impl Solver {
             };
             history.push(record_of(&found, accuracy));
             let is_met = accuracy.meets(tolerance);
-            if is_met || run.token.is_cancelled() || history.len() > self.splines.max_halvings {
+            if is_met || run.token.is_cancelled() || is_last {
                 let status = if run.token.is_cancelled() {
                     CollocationStatus::NotSolved(cut(run.token))
                 } else if accuracy.equations > NO_MOTION {
