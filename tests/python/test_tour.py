@@ -25,6 +25,7 @@ ANIMATIONS = frozenset(
     f"{name}.html"
     for name in (
         "top",
+        "leg",
         "postures",
         "dive",
         "twist",

@@ -155,6 +155,8 @@ def exponent_map(
         raise errors.InputError(
             f"`field` must be over a grid of two states that vary, found points of shape {field.points.shape}"
         )
+    if not isinstance(names, Sequence) or len(names) != 2:
+        raise errors.InputError(f"`names` must be two names, found {names!r}")
     ax = given_axes(ax, (6.4, 3.6))
     x, y = (field.points[..., k] for k in varying)
     # the highest of all are those of walls and rests, beside which nothing would be seen
