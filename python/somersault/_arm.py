@@ -104,7 +104,7 @@ def arm_motion(fold: float | None = None, turn: float = 0.0, **options: Any) -> 
     final = (_FINISH[0], _FINISH[1] + turn, 0.0, 0.0)
     options = {"n_intervals": 40, "n_points": 4, **options}
     problem = arm_problem(_START, final)
-    guess = None
+    guess: dict[str, ArrayLike] | None = None
     if fold is not None:
         folded = [(angle, fold, np.pi / 10, 0.0) for angle in (-0.4 * np.pi, 0.4 * np.pi)]
         guess = {"t": [0.0, 1.0, 9.0, 10.0], "x": [_START, *folded, final]}
