@@ -46,15 +46,23 @@
 //! Circuits Syst. I 47 (2000) 204; M. di Bernardo, C. Budd, A. Champneys and P. Kowalczyk,
 //! *Piecewise-smooth Dynamical Systems* (2008), section 2.5.
 
+mod body;
+mod collect;
 mod contact;
+mod differentiable;
+mod forms;
 mod grazing;
+mod link;
 mod outcome;
 mod parameter;
 mod run;
 mod system;
+mod tree;
 
+pub use differentiable::{Collected, Differentiable, VariedOf};
+pub use forms::{VariedForms, VariedPose, VariedState};
 pub use grazing::{Grazing, Side};
-pub use outcome::{Sensitivities, SensitivityError, Undifferentiated};
+pub use outcome::{Sensitivities, SensitivityError, TreeSensitivities, Undifferentiated};
 pub use parameter::{Differentiation, Parameter, WrenchDerivative};
 pub use run::{SensitivityResult, SensitivityRun};
-pub use system::{Variational, VariedForms, VariedPose, VariedState};
+pub use system::Variational;
