@@ -162,14 +162,7 @@ impl<F: ForceModel> Differentiable for BodyInContact<F> {
         }
     }
 
-    fn response(
-        &self,
-        w: &mut BodyRoom,
-        contact: usize,
-        _: At<'_, Self>,
-        effort: &Wrench,
-        out: &mut Twist,
-    ) {
+    fn response(&self, w: &mut BodyRoom, contact: usize, _: At<'_, Self>, effort: &Wrench, out: &mut Twist) {
         let (Some(derivative), Some(Some(of))) = (&w.derivative, w.contacts.get(contact)) else { return };
         *out = derivative.by_wrench(&of.wrench(effort));
     }

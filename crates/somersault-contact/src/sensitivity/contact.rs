@@ -120,7 +120,8 @@ impl Linearization {
                 let velocity_change = rate.linear
                     + rate.angular.cross(&self.centre)
                     + self.angular_velocity.cross(&centre_change);
-                let turned = hessian_change(contact, &place, &way) * velocity + self.hessian * velocity_change;
+                let turned =
+                    hessian_change(contact, &place, &way) * velocity + self.hessian * velocity_change;
                 normal_change.cross(&(self.hessian * velocity)) + normal.cross(&turned)
             }),
             mass: 0.0,
@@ -136,7 +137,12 @@ impl Linearization {
 
     /// The derivative of that.
     #[inline]
-    pub(super) fn wrench_change(&self, arm_change: &Vector3<f64>, effort: &Wrench, effort_change: &Wrench) -> Twist {
+    pub(super) fn wrench_change(
+        &self,
+        arm_change: &Vector3<f64>,
+        effort: &Wrench,
+        effort_change: &Wrench,
+    ) -> Twist {
         let Twist { linear, angular } = self.wrench(effort_change);
         Twist { linear, angular: angular + arm_change.cross(&effort.force) }
     }
@@ -186,7 +192,8 @@ mod tests {
                 let tangent = Tangent::unit(i);
                 let change = at.along(contact, &tangent);
                 let step = 1e-5;
-                let [a, b] = [step, -step].map(|e| Linearization::new(contact, body.mass(), &tangent.moved(&x, e)));
+                let [a, b] =
+                    [step, -step].map(|e| Linearization::new(contact, body.mass(), &tangent.moved(&x, e)));
                 let vectors = [
                     (a.at.normal - b.at.normal, change.at.normal),
                     (a.at.point - b.at.point, change.at.point),

@@ -92,13 +92,7 @@ pub trait Differentiable: Encounters<<Self as Differentiable>::Moved> {
     fn change(&self, w: &mut Self::Workspace, contact: usize) -> Encounter;
 
     /// Adds the change of an effort at a contact, after its [`change`](Self::change).
-    fn press(
-        &self,
-        w: &mut Self::Workspace,
-        contact: usize,
-        effort: (&Wrench, &Wrench),
-        change: &Encounter,
-    );
+    fn press(&self, w: &mut Self::Workspace, contact: usize, effort: (&Wrench, &Wrench), change: &Encounter);
 
     /// out ← the change of the accelerations along the tangent and the parameter.
     fn acceleration_change(

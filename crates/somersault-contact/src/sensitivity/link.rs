@@ -37,7 +37,13 @@ enum Kind {
 
 impl LinkLinearization {
     /// Of contact `i`, where the links stand so.
-    pub(super) fn new(contacts: &TreeContacts, i: usize, part: &Part<'_>, frames: &[Frame], met: (Encounter, Hold)) -> Self {
+    pub(super) fn new(
+        contacts: &TreeContacts,
+        i: usize,
+        part: &Part<'_>,
+        frames: &[Frame],
+        met: (Encounter, Hold),
+    ) -> Self {
         let (at, hold) = met;
         let links = (hold.first.0, hold.second.map(|(link, _)| link));
         let kind = match part {

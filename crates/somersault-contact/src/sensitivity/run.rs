@@ -84,12 +84,7 @@ impl<'a, 'm, S: Differentiable, M> SensitivityRun<'a, S, ByEmbeddedStepper<'m, M
 }
 
 impl<'a, S: Differentiable, M> SensitivityRun<'a, S, M> {
-    fn by(
-        system: &'a S,
-        differentiation: &'a Differentiation,
-        method: M,
-        steps: impl Into<Steps>,
-    ) -> Self {
+    fn by(system: &'a S, differentiation: &'a Differentiation, method: M, steps: impl Into<Steps>) -> Self {
         let (steps, location) = (steps.into(), Location::default());
         Self { system, differentiation, method, steps, location, observer: None }
     }
@@ -150,9 +145,7 @@ impl<'a, S: Differentiable, M> SensitivityRun<'a, S, M> {
             (Ok(run), Some(grazing)) => Err((SensitivityError::Grazing(grazing), run)),
             (Err(interrupted), _) => Err((why(interrupted.reason), interrupted.so_far)),
         }
-        .map_err(|(reason, run)| {
-            Box::new(Undifferentiated { reason, so_far: collect(system, run, &times) })
-        })
+        .map_err(|(reason, run)| Box::new(Undifferentiated { reason, so_far: collect(system, run, &times) }))
     }
 }
 
@@ -247,13 +240,12 @@ fn find<'a, S: Differentiable>(
                 let place = place(*contact, law.type_name(), law.parameters(), name)?;
                 Some((*contact, LawParameter::Friction(place)))
             }
-            Parameter::Mass
-            | Parameter::InertiaScale
-            | Parameter::Force(_)
-            | Parameter::JointForce(_) => match system.refuse(parameter) {
-                Some(reason) => return Err(reason),
-                None => None,
-            },
+            Parameter::Mass | Parameter::InertiaScale | Parameter::Force(_) | Parameter::JointForce(_) => {
+                match system.refuse(parameter) {
+                    Some(reason) => return Err(reason),
+                    None => None,
+                }
+            }
         };
         Ok(FoundParameter { parameter, of_law })
     };

@@ -15,9 +15,7 @@ use somersault_integrators::force::Wrench;
 use somersault_integrators::state::Rate;
 use somersault_integrators::system::{Fault, OneForm, System};
 use somersault_integrators::variation::Tangent;
-use somersault_multibody::motion::{
-    Coordinates, Rates, TreeForces, TreeState, TreeVariation, TreeWorkspace,
-};
+use somersault_multibody::motion::{Coordinates, Rates, TreeForces, TreeState, TreeVariation, TreeWorkspace};
 
 /// Room for a tree linearised in a state.
 #[derive(Debug)]
@@ -121,13 +119,7 @@ impl<F: TreeForces> Differentiable for TreeInContact<'_, F> {
         }
     }
 
-    fn press(
-        &self,
-        w: &mut TreeRoom,
-        contact: usize,
-        effort: (&Wrench, &Wrench),
-        change: &Encounter,
-    ) {
+    fn press(&self, w: &mut TreeRoom, contact: usize, effort: (&Wrench, &Wrench), change: &Encounter) {
         let TreeRoom { variation, frames, contacts, .. } = w;
         let Some(Some(of)) = contacts.get(contact) else { return };
         let mut pushed = [None; 2];

@@ -44,9 +44,8 @@ impl Model {
             let origin = &tree.nodes[i].pose.translation;
             let displacement =
                 Twist { linear: moved.linear + moved.angular.cross(origin), angular: moved.angular };
-            let linear = change.linear
-                + change.angular.cross(origin)
-                + velocity.angular.cross(&displacement.linear);
+            let linear =
+                change.linear + change.angular.cross(origin) + velocity.angular.cross(&displacement.linear);
             out[i] = Tangent { displacement, rate: Twist { linear, angular: change.angular } };
         }
     }
@@ -79,11 +78,7 @@ impl Model {
 
     /// The change of the accelerations along a motion of the joints, a change of their velocities and one of the joint forces,
     /// by the last partials of forward dynamics in the workspace.
-    pub(crate) fn acceleration_change(
-        work: &DerivativeData,
-        along: [&[f64]; 3],
-        out: &mut [f64],
-    ) {
+    pub(crate) fn acceleration_change(work: &DerivativeData, along: [&[f64]; 3], out: &mut [f64]) {
         out.fill(0.0);
         let by: [&DMatrix<f64>; 3] = [&work.forward.q, &work.forward.v, &work.response];
         for (matrix, change) in by.into_iter().zip(along) {

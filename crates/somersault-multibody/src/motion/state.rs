@@ -79,7 +79,8 @@ impl Model {
         });
         self.turn_linear_parts(q, displacement.as_mut_slice(), |turn, part, _| turn * part);
         self.turn_linear_parts(q, rate.as_mut_slice(), |turn, part, (body, place)| {
-            let [moved, velocity] = [way, &v].map(|numbers| self.own_motion(body, &numbers[place.dofs.clone()]));
+            let [moved, velocity] =
+                [way, &v].map(|numbers| self.own_motion(body, &numbers[place.dofs.clone()]));
             turn * (part + moved.angular.cross(&velocity.linear))
         });
         Ok(Tangent { displacement, rate })
@@ -112,7 +113,8 @@ impl Model {
         self.turn_linear_parts(q, way, |turn, part, _| turn.inverse() * part);
         change.copy_from_slice(rate.as_slice());
         self.turn_linear_parts(q, change, |turn, part, (body, place)| {
-            let [moved, velocity] = [&*way, v].map(|numbers| self.own_motion(body, &numbers[place.dofs.clone()]));
+            let [moved, velocity] =
+                [&*way, v].map(|numbers| self.own_motion(body, &numbers[place.dofs.clone()]));
             turn.inverse() * part - moved.angular.cross(&velocity.linear)
         });
     }
