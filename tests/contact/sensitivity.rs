@@ -302,7 +302,7 @@ fn the_derivative_of_an_undamped_motion_is_symplectic_through_events() {
 fn sensitivities_have_the_order_of_the_method() {
     fn check<M>(stepper: &M, bases: [u32; 4])
     where
-        M: for<'a, 'b> Stepper<Frozen<'b, Variational<'a, Gravity>>>,
+        M: for<'a, 'b> Stepper<Frozen<'b, Variational<'a, BodyInContact<Gravity>>>>,
     {
         let order = f64::from(M::INFO.orders.rotation_with_torque.unwrap());
         let (system, start) = top(TOP_DAMPING, 0, 0.0);

@@ -38,6 +38,10 @@ impl BodySphere {
         &self.centre
     }
 
+    pub(crate) fn radius(&self) -> f64 {
+        self.radius
+    }
+
     /// The body's index, and centre (body frame, from the centre of mass; of a link from the origin of its frame) and
     /// radius, m.
     pub fn try_new(body: usize, centre: Vector3<f64>, radius: f64) -> Result<Self, ContactError> {
@@ -260,6 +264,11 @@ impl<'a> Part<'a> {
 }
 
 impl SpherePair {
+    /// The laws under which they touch.
+    pub(crate) fn law(&self) -> &ContactLaw {
+        &self.law
+    }
+
     /// The two spheres.
     pub(crate) fn spheres(&self) -> &[BodySphere; 2] {
         &self.spheres

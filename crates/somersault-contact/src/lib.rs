@@ -10,7 +10,7 @@
 //! A force that switches with the state costs every method its order: a step that straddles the switch
 //! is wrong by its whole size (thesis 7.4). Here the equations are frozen in a mode during a step, and
 //! the step is cut where a guard says that the mode ends: [`somersault_integrators::events`]. That works for every method
-//! of the table. [`sensitivity`] differentiates such motions of a body, and in [`tree`] the links of articulated bodies touch.
+//! of the table. [`sensitivity`] differentiates such motions, and in [`tree`] the links of articulated bodies touch.
 //!
 //! | Symbol | Meaning | Here |
 //! |---|---|---|

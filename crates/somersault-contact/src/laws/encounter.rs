@@ -23,3 +23,17 @@ pub struct Encounter {
     /// Mass that a force between the two moves, kg: m, or m₁m₂/(m₁ + m₂).
     pub mass: f64,
 }
+
+impl Encounter {
+    /// Zero in all: the change of one that does not change.
+    pub(crate) const ZERO: Self = Self {
+        gap: 0.0,
+        rate: 0.0,
+        normal: Vector3::new(0.0, 0.0, 0.0),
+        point: Vector3::new(0.0, 0.0, 0.0),
+        sliding: Vector3::new(0.0, 0.0, 0.0),
+        turning: Vector3::new(0.0, 0.0, 0.0),
+        tilting: Vector3::new(0.0, 0.0, 0.0),
+        mass: 0.0,
+    };
+}

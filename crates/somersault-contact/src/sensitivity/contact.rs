@@ -16,18 +16,18 @@
 //! | ball | n · δC | δφ × R c − ρ δn |
 //! | rim | n · δC − ρ δ‖d‖ | δφ × R c + ρ δ(d/‖d‖) |
 
+use crate::carrier::Carrier;
 use crate::contacts::Contact;
 use crate::laws::Encounter;
 use crate::shape::Shape;
 use nalgebra::{Matrix3, Vector3};
-use somersault_integrators::body::RigidBody;
 use somersault_integrators::force::Wrench;
-use somersault_integrators::state::{RigidBodyState, Twist};
+use somersault_integrators::state::Twist;
 use somersault_integrators::variation::Tangent;
 
-/// A contact in a state, with what its derivatives there need.
-pub(super) struct Linearization<'a> {
-    pub(super) contact: &'a Contact,
+/// What the derivatives of a contact in a state need.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Linearization {
     pub(super) at: Encounter,
     arm: Vector3<f64>,
     centre: Vector3<f64>,
@@ -39,45 +39,56 @@ pub(super) struct Linearization<'a> {
     bending: Option<(Vector3<f64>, Vector3<f64>)>,
 }
 
+/// Derivative of the Hessian along a way, by a central difference.
+fn hessian_change(contact: &Contact, place: &Vector3<f64>, way: &Vector3<f64>) -> Matrix3<f64> {
+    let length = way.norm();
+    if length == 0.0 {
+        return Matrix3::zeros();
+    }
+    let step = f64::EPSILON.cbrt() * place.amax().max(1.0) / length;
+    let [after, before] = [step, -step].map(|step| contact.surface().hessian(&(place + way * step)));
+    (after - before) * (0.5 / step)
+}
+
 /// Derivative of an encounter, and of the lever arm.
 pub(super) struct Change {
     pub(super) at: Encounter,
-    arm: Vector3<f64>,
+    pub(super) arm: Vector3<f64>,
 }
 
-impl<'a> Linearization<'a> {
+impl Linearization {
+    /// Of a contact on a carrier of some mass, kg.
     #[inline]
-    pub(super) fn new(contact: &'a Contact, body: &RigidBody, x: &RigidBodyState) -> Self {
-        let (at, arm) = contact.meet(body, x);
-        let centre = x.orientation() * contact.shape().centre();
+    pub(super) fn new<C: Carrier>(contact: &Contact, mass: f64, x: &C) -> Self {
+        let (at, arm) = contact.meet_on(mass, x);
+        let centre = x.turned(contact.shape().centre());
         let axis = match contact.shape() {
-            Shape::Rim { axis, .. } => x.orientation() * axis.as_ref(),
+            Shape::Rim { axis, .. } => x.turned(axis.as_ref()),
             Shape::Point(_) | Shape::Ball { .. } => Vector3::zeros(),
         };
         let bends = contact.law().friction().has_stretch() && contact.surface().as_half_space().is_none();
-        let place = x.position() + centre;
+        let place = x.origin() + centre;
         Self {
-            contact,
             at,
             arm,
             centre,
             axis,
-            bending: bends.then(|| (place, x.velocity() + x.angular_velocity().cross(&centre))),
+            bending: bends.then(|| (place, x.velocity_at(&centre))),
             hessian: contact.surface().hessian(&place),
-            velocity: x.velocity() + x.angular_velocity().cross(&arm),
-            angular_velocity: *x.angular_velocity(),
+            velocity: x.velocity_at(&arm),
+            angular_velocity: *x.spin(),
         }
     }
 
     /// The derivative along a tangent.
     #[inline]
-    pub(super) fn along(&self, tangent: &Tangent<Twist>) -> Change {
+    pub(super) fn along(&self, contact: &Contact, tangent: &Tangent<Twist>) -> Change {
         let (turn, rate) = (&tangent.displacement.angular, &tangent.rate);
         let normal = &self.at.normal;
         let centre_change = turn.cross(&self.centre);
         let way = tangent.displacement.linear + centre_change;
         let normal_change = self.hessian * way;
-        let (gap, arm) = match self.contact.shape() {
+        let (gap, arm) = match contact.shape() {
             Shape::Point(_) => (normal.dot(&way), centre_change),
             Shape::Ball { radius, .. } => (normal.dot(&way), centre_change - normal_change * *radius),
             Shape::Rim { radius, .. } => {
@@ -109,28 +120,13 @@ impl<'a> Linearization<'a> {
                 let velocity_change = rate.linear
                     + rate.angular.cross(&self.centre)
                     + self.angular_velocity.cross(&centre_change);
-                let turned = self.hessian_change(&place, &way) * velocity + self.hessian * velocity_change;
+                let turned =
+                    hessian_change(contact, &place, &way) * velocity + self.hessian * velocity_change;
                 normal_change.cross(&(self.hessian * velocity)) + normal.cross(&turned)
             }),
             mass: 0.0,
         };
         Change { at, arm }
-    }
-
-    /// Derivative of the Hessian along a way, by a central difference.
-    fn hessian_change(&self, place: &Vector3<f64>, way: &Vector3<f64>) -> Matrix3<f64> {
-        let length = way.norm();
-        if length == 0.0 {
-            return Matrix3::zeros();
-        }
-        let step = f64::EPSILON.cbrt() * place.amax().max(1.0) / length;
-        let [after, before] = [step, -step].map(|step| self.contact.surface().hessian(&(place + way * step)));
-        (after - before) * (0.5 / step)
-    }
-
-    /// The velocity of the point of contact.
-    pub(super) fn velocity(&self) -> &Vector3<f64> {
-        &self.velocity
     }
 
     /// The wrench about the centre of mass of an effort at the point of contact.
@@ -141,9 +137,14 @@ impl<'a> Linearization<'a> {
 
     /// The derivative of that.
     #[inline]
-    pub(super) fn wrench_change(&self, change: &Change, effort: &Wrench, effort_change: &Wrench) -> Twist {
+    pub(super) fn wrench_change(
+        &self,
+        arm_change: &Vector3<f64>,
+        effort: &Wrench,
+        effort_change: &Wrench,
+    ) -> Twist {
         let Twist { linear, angular } = self.wrench(effort_change);
-        Twist { linear, angular: angular + change.arm.cross(&effort.force) }
+        Twist { linear, angular: angular + arm_change.cross(&effort.force) }
     }
 }
 
@@ -155,6 +156,8 @@ mod tests {
     use crate::laws::coulomb::CoulombFriction;
     use crate::surface::{CylindricalSurface, HalfSpace, Solid, SphericalSurface};
     use somersault_core::lie::so3;
+    use somersault_integrators::body::RigidBody;
+    use somersault_integrators::state::RigidBodyState;
     use std::sync::Arc;
 
     #[test]
@@ -184,12 +187,13 @@ mod tests {
         let effort = Wrench { force: Vector3::new(1.0, 2.0, 3.0), torque: Vector3::new(0.1, 0.2, 0.3) };
         let still = Wrench::default();
         for contact in &contacts {
-            let at = Linearization::new(contact, &body, &x);
+            let at = Linearization::new(contact, body.mass(), &x);
             for i in 0..12 {
                 let tangent = Tangent::unit(i);
-                let change = at.along(&tangent);
+                let change = at.along(contact, &tangent);
                 let step = 1e-5;
-                let [a, b] = [step, -step].map(|e| Linearization::new(contact, &body, &tangent.moved(&x, e)));
+                let [a, b] =
+                    [step, -step].map(|e| Linearization::new(contact, body.mass(), &tangent.moved(&x, e)));
                 let vectors = [
                     (a.at.normal - b.at.normal, change.at.normal),
                     (a.at.point - b.at.point, change.at.point),
@@ -199,7 +203,7 @@ mod tests {
                     (a.arm - b.arm, change.arm),
                     (
                         a.wrench(&effort).angular - b.wrench(&effort).angular,
-                        at.wrench_change(&change, &effort, &still).angular,
+                        at.wrench_change(&change.arm, &effort, &still).angular,
                     ),
                 ];
                 for (difference, found) in vectors {

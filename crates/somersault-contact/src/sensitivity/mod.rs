@@ -41,20 +41,61 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
+//! # Trees
+//!
+//! A [`TreeInContact`](crate::tree::TreeInContact) that no joint [drives](somersault_multibody::motion::Driven) is
+//! differentiated by the same columns and jumps. Between events
+//! ```text
+//! δv̇ = ∂v̇/∂q ξ + ∂v̇/∂v δv + M⁻¹ (δτ + Σ Jᵢᵀ δFᵢ),
+//! ```
+//! with the analytic partials of forward dynamics, the changes of the contacts' wrenches in the axes of their links, and of
+//! other forces by central differences; at a touch-down δv jumps by −M⁻¹ Jᵀ (F⁺ − F⁻) δt. Derivatives are by motions of the
+//! joints along q ⊕ ε e_k, by their velocities, by constants of the laws, and by constant joint forces
+//! ([`Parameter::JointForce`]); what is left are [`TreeSensitivities`].
+//!
+//! ```
+//! use somersault_contact::models::HoppingLeg;
+//! use somersault_contact::sensitivity::{Differentiation, Parameter, SensitivityRun};
+//! use somersault_contact::tree::TreeInContact;
+//! use somersault_integrators::{driver::TimeGrid, methods::Method};
+//! use somersault_multibody::motion::TreeSystem;
+//!
+//! let leg = HoppingLeg::example()?;
+//! let model = leg.model()?;
+//! let torques = |t: f64, _: &[f64], _: &[f64], torque: &mut [f64]| leg.add_torques(t, torque);
+//! let system = TreeInContact::try_new(TreeSystem::new(&model, torques), leg.contacts()?, vec![])?;
+//! let (q, v) = leg.start();
+//! let by = Differentiation::by([Parameter::friction(0, "coefficient"), Parameter::JointForce(4)]);
+//! let grid = TimeGrid::try_new(0.0, 0.2, 1e-3)?;
+//! let found = SensitivityRun::new(&system, &by, Method::Rkmk8, grid).from(&model.state(&q, &v)?)?;
+//! assert_eq!(found.state.shape(), (10, 10));
+//! // A leg whose knee is pushed straighter touches down at another time.
+//! assert!(found.event_times[(0, 11)] != 0.0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! M. A. Aizerman and F. R. Gantmakher, *On the stability of periodic motions*, J. Appl. Math. Mech. 22
 //! (1958) 1065; I. A. Hiskens and M. A. Pai, *Trajectory sensitivity analysis of hybrid systems*, IEEE Trans.
 //! Circuits Syst. I 47 (2000) 204; M. di Bernardo, C. Budd, A. Champneys and P. Kowalczyk,
 //! *Piecewise-smooth Dynamical Systems* (2008), section 2.5.
 
+mod body;
+mod collect;
 mod contact;
+mod differentiable;
+mod forms;
 mod grazing;
+mod link;
 mod outcome;
 mod parameter;
 mod run;
 mod system;
+mod tree;
 
+pub use differentiable::{Collected, Differentiable, VariedOf};
+pub use forms::{VariedForms, VariedPose, VariedState};
 pub use grazing::{Grazing, Side};
-pub use outcome::{Sensitivities, SensitivityError, Undifferentiated};
+pub use outcome::{Sensitivities, SensitivityError, TreeSensitivities, Undifferentiated};
 pub use parameter::{Differentiation, Parameter, WrenchDerivative};
 pub use run::{SensitivityResult, SensitivityRun};
-pub use system::{Variational, VariedForms, VariedPose, VariedState};
+pub use system::Variational;

@@ -1,13 +1,13 @@
 //! What a differentiated run leaves, and why it may not.
 
 use super::grazing::Grazing;
-use super::system::{EventTime, VariedPose};
 use crate::error::ContactError;
 use crate::event::EventKind;
 use crate::surface::SurfaceFault;
-use nalgebra::{DMatrix, Dyn, OMatrix, SMatrix, SVector, U12, Vector3};
-use somersault_integrators::events::{Event, Interruption, Located};
+use nalgebra::{DMatrix, Dyn, OMatrix, SMatrix, U12, Vector3};
+use somersault_integrators::events::{Interruption, Located};
 use somersault_integrators::state::Pose;
+use somersault_multibody::motion::Coordinates;
 
 /// A motion and its derivative.
 ///
@@ -25,6 +25,24 @@ pub struct Sensitivities {
     /// event, in the order of `run.events`, and one column for each component of the initial state, then for each
     /// parameter; s per unit. Without events kept it has no rows. NaN at an event that changes nothing: a guard
     /// of a contact's friction that changes sign as the contact ends.
+    pub event_times: DMatrix<f64>,
+    /// Stretches of the contacts' friction in the state reached, m.
+    pub stretches: Vec<Vector3<f64>>,
+}
+
+/// A motion of a tree and its derivative.
+///
+/// With n degrees of freedom rows and columns of the 2 n are the motions of the joints along q ⊕ ε e_k, as in the
+/// [partials](somersault_multibody::Partials) of dynamics, then the changes of their velocities v.
+#[derive(Debug, Clone)]
+pub struct TreeSensitivities {
+    /// The run, as a [`Run`](somersault_integrators::run::Run) that locates events leaves it without sensitivities.
+    pub run: Located<Coordinates, EventKind>,
+    /// Derivative of the state reached, at a fixed time, with respect to the initial state, 2 n × 2 n.
+    pub state: DMatrix<f64>,
+    /// Derivative of the state reached, at a fixed time, with respect to the parameters, one column each.
+    pub parameters: DMatrix<f64>,
+    /// Derivative of the times of the events, as of [`Sensitivities::event_times`].
     pub event_times: DMatrix<f64>,
     /// Stretches of the contacts' friction in the state reached, m.
     pub stretches: Vec<Vector3<f64>>,
@@ -68,6 +86,14 @@ pub enum SensitivityError {
         /// The names that there are.
         allowed: &'static [&'static str],
     },
+    /// A parameter that the system does not have.
+    #[error("`parameters` must name what {of} has, found {found}")]
+    NotOf {
+        /// The parameter.
+        found: String,
+        /// The system.
+        of: &'static str,
+    },
     /// A law that does not say how its force changes.
     #[error("the {law} of contact {contact} has no derivative")]
     NoDerivative {
@@ -102,46 +128,9 @@ pub enum SensitivityError {
 /// After a graze they are the one-sided derivatives of the whole run, on the [`Side`](super::Side) on which it is.
 #[derive(Debug, Clone, thiserror::Error)]
 #[error("{reason}")]
-pub struct Undifferentiated {
+pub struct Undifferentiated<S = Sensitivities> {
     /// Why.
     pub reason: SensitivityError,
     /// What was integrated.
-    pub so_far: Sensitivities,
-}
-
-/// Reads the columns of a run, and finds the derivative of the time of each of its events.
-pub(super) fn collect(run: Located<VariedPose, EventKind>, times: &[EventTime]) -> Sensitivities {
-    let columns: Vec<SVector<f64, 12>> = run.state.columns().map(|column| column.components()).collect();
-    let event = |event: Event<VariedPose, EventKind>| {
-        let Event { t, guard, kind, impulse, state } = event;
-        Event { t, guard, kind, impulse, state: state.body() }
-    };
-    let events: Vec<Event<Pose, EventKind>> = run.events.into_iter().map(event).collect();
-    let mut event_times = DMatrix::from_element(events.len(), columns.len(), f64::NAN);
-    let mut rest = times;
-    for (event, mut row) in events.iter().zip(event_times.row_iter_mut()) {
-        let passed = rest.iter().take_while(|time| time.t < event.t).count();
-        rest = &rest[passed..];
-        let mut now = rest.iter().take_while(|time| time.t == event.t);
-        if let Some(time) = now.find(|time| time.guard == event.guard) {
-            row.iter_mut().zip(&time.columns).for_each(|(entry, time)| *entry = *time);
-        }
-    }
-    Sensitivities {
-        state: SMatrix::from_fn(|row, column| columns[column][row]),
-        parameters: OMatrix::<f64, U12, Dyn>::from_fn(columns.len() - 12, |row, p| columns[12 + p][row]),
-        event_times,
-        stretches: run.state.rate.base.variables.clone(),
-        run: Located {
-            t: run.t,
-            state: run.state.body(),
-            status: run.status,
-            steps: run.steps,
-            rejected: run.rejected,
-            trials: run.trials,
-            substeps: run.substeps,
-            event_count: run.event_count,
-            events,
-        },
-    }
+    pub so_far: S,
 }

@@ -22,13 +22,15 @@ pub enum Parameter {
     /// The same of its friction law ([`FrictionLaw::parameters`](crate::laws::FrictionLaw::parameters)):
     /// `coefficient`, in whose proportion a static coefficient changes, `damping`, `stiffness` or `speed`.
     Friction(usize, Cow<'static, str>),
-    /// The mass, kg, with the inertia kept.
+    /// The mass of a body, kg, with the inertia kept.
     Mass,
-    /// A factor on the inertia, at 1, with the mass kept. A body of other density has m times the column of
+    /// A factor on the inertia of a body, at 1, with the mass kept. A body of other density has m times the column of
     /// the mass and once this.
     InertiaScale,
-    /// A constant of the smooth forces, by the derivative of their wrench with respect to it.
+    /// A constant of the smooth forces on a body, by the derivative of their wrench with respect to it.
     Force(Arc<WrenchDerivative>),
+    /// A constant force of a tree's degree of freedom, N or N m, beside what acts there.
+    JointForce(usize),
 }
 
 impl Parameter {
@@ -74,6 +76,7 @@ impl fmt::Debug for Parameter {
             Self::Mass => write!(f, "Mass"),
             Self::InertiaScale => write!(f, "InertiaScale"),
             Self::Force(_) => write!(f, "Force"),
+            Self::JointForce(dof) => write!(f, "JointForce({dof})"),
         }
     }
 }

@@ -1,28 +1,29 @@
 //! Integrating state and columns together.
 
-use super::outcome::{Sensitivities, SensitivityError, Undifferentiated, collect};
+use super::collect::collect;
+use super::differentiable::{Differentiable, Moved, VariedOf};
+use super::outcome::{Sensitivities, SensitivityError, Undifferentiated};
 use super::parameter::{Differentiation, FoundParameter, Parameter};
-use super::system::{Log, Variational, VariedPose, VariedState};
-use crate::contacts::{BodyInContact, Contact, Contacts};
-use crate::laws::LawParameter;
-use crate::stretches::WithStretches;
+use super::system::{Log, Variational};
+use crate::encounters;
+use crate::laws::{ContactLaw, Encounter, LawParameter};
 use crate::surface::SurfaceFault;
 use nalgebra::Vector3;
 use somersault_core::argument::expect_positive;
 use somersault_integrators::augmented::{Augmented, AugmentedRate};
 use somersault_integrators::driver::{Flow, IntegrateError, Observer, Step, Steps};
 use somersault_integrators::events::{Frozen, Interruption, Located, Location};
-use somersault_integrators::force::ForceModel;
 use somersault_integrators::methods::{Method, Options};
 use somersault_integrators::run::{ByEmbeddedStepper, ByMethod, ByStepper, Engages, Run};
-use somersault_integrators::state::{Pose, RigidBodyState, State, Twist};
-use somersault_integrators::variation::Tangent;
+use somersault_integrators::state::{Configuration, Rate, State};
+use somersault_integrators::variation::{Tangent, Varied};
 
 /// The outcome of a run with sensitivities.
-pub type SensitivityResult = Result<Sensitivities, Box<Undifferentiated>>;
+pub type SensitivityResult<S = Sensitivities> = Result<S, Box<Undifferentiated<S>>>;
 
-/// A run of a body in contact, with located events, that leaves the derivative of the state with respect to the initial state
-/// and to parameters beside the state: as a [`Run`], which it is of state and columns together.
+/// A run of a body or a tree in contact, with located events, that leaves the derivative of the state with respect to the initial state
+/// and to parameters beside the state: as a [`Run`], which it is of state and columns together. What it leaves are
+/// [`Sensitivities`] of a body and [`TreeSensitivities`](super::TreeSensitivities) of a tree.
 ///
 /// The method is one of the table ([`SensitivityRun::new`]), which must be one for any system in the variables of the world or of
 /// the body, or user-defined.
@@ -32,19 +33,19 @@ pub type SensitivityResult = Result<Sensitivities, Box<Undifferentiated>>;
 /// Cost: one and a half to two runs without columns for each column (the spinning top by `rkmk8` and `rkmk`),
 /// which is what central differences take.
 #[must_use = "a run begins with a state, `from`"]
-pub struct SensitivityRun<'a, F, M> {
-    system: &'a BodyInContact<F>,
+pub struct SensitivityRun<'a, S: Differentiable, M> {
+    system: &'a S,
     differentiation: &'a Differentiation,
     method: M,
     steps: Steps,
     location: Location,
-    observer: Option<&'a mut dyn Observer<VariedPose>>,
+    observer: Option<&'a mut dyn Observer<VariedOf<S>>>,
 }
 
-impl<'a, F: ForceModel> SensitivityRun<'a, F, ByMethod> {
+impl<'a, S: Differentiable> SensitivityRun<'a, S, ByMethod> {
     /// By a method of the table, with the default [`Options`].
     pub fn new(
-        system: &'a BodyInContact<F>,
+        system: &'a S,
         differentiation: &'a Differentiation,
         method: Method,
         steps: impl Into<Steps>,
@@ -58,10 +59,10 @@ impl<'a, F: ForceModel> SensitivityRun<'a, F, ByMethod> {
     }
 }
 
-impl<'a, 'm, F: ForceModel, M> SensitivityRun<'a, F, ByStepper<'m, M>> {
+impl<'a, 'm, S: Differentiable, M> SensitivityRun<'a, S, ByStepper<'m, M>> {
     /// By any method; its steps are fixed.
     pub fn by_stepper(
-        system: &'a BodyInContact<F>,
+        system: &'a S,
         differentiation: &'a Differentiation,
         stepper: &'m M,
         steps: impl Into<Steps>,
@@ -70,10 +71,10 @@ impl<'a, 'm, F: ForceModel, M> SensitivityRun<'a, F, ByStepper<'m, M>> {
     }
 }
 
-impl<'a, 'm, F: ForceModel, M> SensitivityRun<'a, F, ByEmbeddedStepper<'m, M>> {
+impl<'a, 'm, S: Differentiable, M> SensitivityRun<'a, S, ByEmbeddedStepper<'m, M>> {
     /// By any method that estimates its error; its steps are fixed or adapted.
     pub fn by_embedded_stepper(
-        system: &'a BodyInContact<F>,
+        system: &'a S,
         differentiation: &'a Differentiation,
         stepper: &'m M,
         steps: impl Into<Steps>,
@@ -82,13 +83,8 @@ impl<'a, 'm, F: ForceModel, M> SensitivityRun<'a, F, ByEmbeddedStepper<'m, M>> {
     }
 }
 
-impl<'a, F: ForceModel, M> SensitivityRun<'a, F, M> {
-    fn by(
-        system: &'a BodyInContact<F>,
-        differentiation: &'a Differentiation,
-        method: M,
-        steps: impl Into<Steps>,
-    ) -> Self {
+impl<'a, S: Differentiable, M> SensitivityRun<'a, S, M> {
+    fn by(system: &'a S, differentiation: &'a Differentiation, method: M, steps: impl Into<Steps>) -> Self {
         let (steps, location) = (steps.into(), Location::default());
         Self { system, differentiation, method, steps, location, observer: None }
     }
@@ -98,9 +94,9 @@ impl<'a, F: ForceModel, M> SensitivityRun<'a, F, M> {
         Self { location, ..self }
     }
 
-    /// Shows each committed step to an observer, which may stop the run: the states have their columns, the twelve of the
+    /// Shows each committed step to an observer, which may stop the run: the states have their columns, those of the
     /// initial state, then those of the parameters.
-    pub fn observed_by(self, observer: &'a mut dyn Observer<VariedPose>) -> Self {
+    pub fn observed_by(self, observer: &'a mut dyn Observer<VariedOf<S>>) -> Self {
         Self { observer: Some(observer), ..self }
     }
 
@@ -108,43 +104,48 @@ impl<'a, F: ForceModel, M> SensitivityRun<'a, F, M> {
     ///
     /// Errors keep the solution: those of a [`Run`] that locates events, which also end runs whose columns stop being finite, a
     /// parameter of a contact or of friction that there is not, a start on a surface, and grazing.
-    pub fn from(self, initial: &RigidBodyState) -> SensitivityResult
+    pub fn from(self, initial: &State<S::Moved>) -> SensitivityResult<S::Sensitivities>
     where
-        M: for<'b> Engages<Frozen<'b, Variational<'a, F>>>,
+        M: for<'b> Engages<Frozen<'b, Variational<'a, S>>>,
     {
         let Self { system, differentiation, method, steps, location, observer } = self;
         let (start, end) = steps.interval();
-        let held = WithStretches(system);
+        let tangents = system.tangents(initial);
         let count = differentiation.parameters.len();
-        let unstretched = varied(held.unstretched(*initial), count);
-        let refuse = |reason| Err(refused(reason, start, &unstretched));
+        let still = encounters::unstretched::<Moved<S>>(system, initial.clone());
+        let unstretched = varied(still, &tangents, count);
+        let refuse = |reason| {
+            let so_far = collect(system, Located::at_start(start, &unstretched), &[]);
+            Err(Box::new(Undifferentiated { reason, so_far }))
+        };
         if let Some(reason) = refusal(system, differentiation, initial) {
             return refuse(reason);
         }
-        let parameters = match find(&differentiation.parameters, &system.forces.1) {
+        let parameters = match find(&differentiation.parameters, system) {
             Ok(parameters) => parameters,
             Err(reason) => return refuse(reason),
         };
         let stretched = if differentiation.stretches.is_empty() {
             unstretched.clone()
         } else {
-            match held.stretched(*initial, differentiation.stretches.clone()) {
-                Ok(stretched) => varied(stretched, count),
+            let stretches = differentiation.stretches.clone();
+            match encounters::stretched::<Moved<S>>(system, initial.clone(), stretches) {
+                Ok(stretched) => varied(stretched, &tangents, count),
                 Err(error) => return refuse(error.into()),
             }
         };
         let grazing = differentiation.grazing;
-        let variational = Variational::new(held, parameters, grazing, end - start, location.keep_events);
+        let variational = Variational::new(system, parameters, grazing, end - start, location.keep_events);
         let mut watching = Watching { system: &variational, observer };
         let run = Run::by(&variational, method, steps).locating(location).observed_by(&mut watching);
         let run = run.from(&stretched);
         let Log { times, grazing } = variational.log.take();
         match (run, grazing) {
-            (Ok(run), None) => Ok(collect(run, &times)),
+            (Ok(run), None) => Ok(collect(system, run, &times)),
             (Ok(run), Some(grazing)) => Err((SensitivityError::Grazing(grazing), run)),
             (Err(interrupted), _) => Err((why(interrupted.reason), interrupted.so_far)),
         }
-        .map_err(|(reason, run)| Box::new(Undifferentiated { reason, so_far: collect(run, &times) }))
+        .map_err(|(reason, run)| Box::new(Undifferentiated { reason, so_far: collect(system, run, &times) }))
     }
 }
 
@@ -159,67 +160,67 @@ fn why(reason: Interruption<SurfaceFault>) -> SensitivityError {
 }
 
 /// Shows each step to an observer, after contacts that it just missed have been looked for.
-struct Watching<'a, 'b, F> {
-    system: &'b Variational<'a, F>,
-    observer: Option<&'a mut dyn Observer<VariedPose>>,
+struct Watching<'a, 'b, S: Differentiable> {
+    system: &'b Variational<'a, S>,
+    observer: Option<&'a mut dyn Observer<VariedOf<S>>>,
 }
 
-impl<F: ForceModel> Observer<VariedPose> for Watching<'_, '_, F> {
-    fn observe(&mut self, step: &mut Step<'_, VariedPose>) -> Flow {
+impl<S: Differentiable> Observer<VariedOf<S>> for Watching<'_, '_, S> {
+    fn observe(&mut self, step: &mut Step<'_, VariedOf<S>>) -> Flow {
         self.system.watch((step.t_before, step.before), (step.t_after, step.after));
         self.observer.as_mut().map_or(Flow::Continue, |observer| observer.observe(step))
     }
 }
 
 /// A state with the columns of the initial state, then one for each parameter.
-fn varied(base: State<Augmented<Pose>>, parameters: usize) -> VariedState {
+fn varied<Q: Configuration>(
+    base: State<Augmented<Q>>,
+    tangents: &[Tangent<Q::Rate>],
+    parameters: usize,
+) -> State<Varied<Augmented<Q>, AugmentedRate<Q::Rate>>> {
     let still = vec![Vector3::zeros(); base.rate.variables.len()];
-    let beside = |base| AugmentedRate { base, variables: still.clone() };
-    let columns: Vec<_> = (0..12 + parameters)
-        .map(|i| {
-            let Tangent::<Twist> { displacement, rate } = Tangent::unit(i);
-            Tangent { displacement: beside(displacement), rate: beside(rate) }
-        })
+    let mut zero = base.rate.base.clone();
+    zero.set_zero();
+    let beside = |base: &Q::Rate| AugmentedRate { base: base.clone(), variables: still.clone() };
+    let of_state = tangents.iter().map(|Tangent { displacement, rate }| (displacement, rate));
+    let columns: Vec<_> = of_state
+        .chain(std::iter::repeat_n((&zero, &zero), parameters))
+        .map(|(displacement, rate)| Tangent { displacement: beside(displacement), rate: beside(rate) })
         .collect();
-    VariedState::varied(base, columns)
-}
-
-fn refused(reason: SensitivityError, t: f64, start: &VariedState) -> Box<Undifferentiated> {
-    Box::new(Undifferentiated { reason, so_far: collect(Located::at_start(t, start), &[]) })
+    State::varied(base, columns)
 }
 
 /// Why a run is not begun.
-fn refusal<F: ForceModel>(
-    system: &BodyInContact<F>,
+fn refusal<S: Differentiable>(
+    system: &S,
     differentiation: &Differentiation,
-    initial: &RigidBodyState,
+    initial: &State<S::Moved>,
 ) -> Option<SensitivityError> {
     if let Err(error) = expect_positive("grazing", differentiation.grazing) {
         return Some(SensitivityError::Run(IntegrateError::from(error).into()));
     }
-    let contacts = &system.forces.1;
-    let without = |(contact, at): (usize, &Contact)| {
-        let law = at.law().without_derivative(&at.encounter(&system.body, initial))?;
-        Some(SensitivityError::NoDerivative { contact, law })
+    let (mut without, mut on_surface) = (None, None);
+    let see = |contact: usize, law: &ContactLaw, at: &Encounter| {
+        if without.is_none() {
+            let law = law.without_derivative(at);
+            without = law.map(|law| SensitivityError::NoDerivative { contact, law });
+        }
+        if on_surface.is_none() && at.gap == 0.0 && at.rate <= 0.0 && law.normal().jumps() {
+            on_surface = Some(SensitivityError::StartOnSurface { guard: contact });
+        }
     };
-    if let Some(reason) = contacts.iter().enumerate().find_map(without) {
-        return Some(reason);
-    }
-    contacts.iter().enumerate().find_map(|(guard, contact)| {
-        let at = contact.encounter(&system.body, initial);
-        (at.gap == 0.0 && at.rate <= 0.0 && contact.law().normal().jumps())
-            .then_some(SensitivityError::StartOnSurface { guard })
-    })
+    system.each_encounter(&initial.configuration, &initial.rate, see);
+    without.or(on_surface)
 }
 
 /// Finds the parameters of laws among those that the laws name.
-fn find<'a>(
+fn find<'a, S: Differentiable>(
     parameters: &'a [Parameter],
-    contacts: &Contacts,
+    system: &S,
 ) -> Result<Vec<FoundParameter<'a>>, SensitivityError> {
-    let law_of = |found: usize| match contacts.get(found) {
-        Some(contact) => Ok(contact.law()),
-        None => Err(SensitivityError::NoSuchContact { found, contacts: contacts.len() }),
+    let law_of = |found: usize| {
+        let missing = || SensitivityError::NoSuchContact { found, contacts: system.laws().count() };
+        system.laws().nth(found).ok_or_else(missing)
     };
     let place = |contact, law, allowed: &'static [&'static str], name: &str| {
         let found = || name.to_string();
@@ -239,7 +240,12 @@ fn find<'a>(
                 let place = place(*contact, law.type_name(), law.parameters(), name)?;
                 Some((*contact, LawParameter::Friction(place)))
             }
-            Parameter::Mass | Parameter::InertiaScale | Parameter::Force(_) => None,
+            Parameter::Mass | Parameter::InertiaScale | Parameter::Force(_) | Parameter::JointForce(_) => {
+                match system.refuse(parameter) {
+                    Some(reason) => return Err(reason),
+                    None => None,
+                }
+            }
         };
         Ok(FoundParameter { parameter, of_law })
     };

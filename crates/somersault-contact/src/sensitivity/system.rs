@@ -1,32 +1,27 @@
-//! A body in contact together with columns of tangents: its equations, its guards, and the jump of the
-//! columns at events.
+//! What moves in contact together with columns of tangents: its equations, its guards, and the jump of the columns at
+//! events.
 
-use super::contact::Linearization;
+use super::differentiable::{At, Differentiable, Moved, Rate, VariedOf};
 use super::grazing::{Grazing, Side};
-use super::parameter::{FoundParameter, Parameter};
-use crate::contacts::{BodyInContact, Contacts};
-use crate::encounters::reset;
+use super::parameter::FoundParameter;
+use crate::encounters::{self, reset};
 use crate::event::EventKind;
 use crate::laws::{ContactChange, ContactLaw, ContactMode, Encounter};
-use crate::stretches::{Touching, WithStretches};
 use crate::surface::SurfaceFault;
 use nalgebra::Vector3;
-use somersault_integrators::augmented::{Augmented, AugmentedRate};
+use somersault_integrators::augmented::AugmentedRate;
 use somersault_integrators::driver::IntegrateError;
 use somersault_integrators::events::{Energy, Guard, Hybrid, StepCurve, Sweep};
-use somersault_integrators::force::ForceModel;
-use somersault_integrators::methods::{Forms, Method, Options, Visitor};
-use somersault_integrators::state::{InBody, Pose, Rate, RigidBodyState, State, Twist};
-use somersault_integrators::system::{Decoder, Form, OneForm, System, world_acceleration};
-use somersault_integrators::variation::{AccelerationDerivative, Tangent, Varied};
+use somersault_integrators::force::Wrench;
+use somersault_integrators::state::{Rate as _, State};
+use somersault_integrators::system::{Fault, System};
+use somersault_integrators::variation::Varied;
 use std::cell::RefCell;
 
-/// A pose with columns, and stretches beside both their rates.
-pub type VariedPose = Varied<Augmented<Pose>, AugmentedRate<Twist>>;
-/// Its rate.
-type VariedRate = Varied<AugmentedRate<Twist>>;
 /// A state with its columns.
-pub type VariedState = State<VariedPose>;
+type StateOf<S> = State<VariedOf<S>>;
+/// Its rate.
+type RateOf<S> = Varied<AugmentedRate<Rate<S>>>;
 
 /// The derivative of the time of an event along each column.
 #[derive(Debug)]
@@ -44,10 +39,10 @@ pub(super) struct Log {
     pub(super) grazing: Option<Grazing>,
 }
 
-/// A body in contact with columns of tangents, the last of which belong to parameters.
+/// Something in contact with columns of tangents, the last of which belong to parameters.
 #[derive(Debug)]
-pub struct Variational<'a, F> {
-    system: WithStretches<&'a BodyInContact<F>>,
+pub struct Variational<'a, S: Differentiable> {
+    system: &'a S,
     parameters: Vec<FoundParameter<'a>>,
     /// The fraction of the path of a point up to which it grazes.
     grazing: f64,
@@ -55,42 +50,46 @@ pub struct Variational<'a, F> {
     duration: f64,
     keep_events: bool,
     pub(super) log: RefCell<Log>,
+    /// For what happens between steps.
+    between: RefCell<Between<S::Workspace>>,
 }
 
-impl<'a, F: ForceModel> Variational<'a, F> {
+/// Room for what happens between steps.
+#[derive(Debug)]
+struct Between<W> {
+    system: W,
+    encounters: Vec<Encounter>,
+}
+
+/// Room for the equations: that of the system, and the efforts of the contacts.
+#[derive(Debug)]
+pub struct VariationalRoom<W> {
+    system: W,
+    efforts: Vec<Wrench>,
+}
+
+/// The parts of a state without its columns.
+fn base<S: Differentiable>(x: &StateOf<S>) -> At<'_, S> {
+    (&x.configuration.base, &x.rate.base)
+}
+
+impl<'a, S: Differentiable> Variational<'a, S> {
     pub(super) fn new(
-        system: WithStretches<&'a BodyInContact<F>>,
+        system: &'a S,
         parameters: Vec<FoundParameter<'a>>,
         grazing: f64,
         duration: f64,
         keep_events: bool,
     ) -> Self {
         let grazing = grazing.max(f64::EPSILON.sqrt());
-        Self { system, parameters, grazing, duration, keep_events, log: RefCell::default() }
+        let between = RefCell::new(Between { system: system.room(), encounters: Vec::new() });
+        Self { system, parameters, grazing, duration, keep_events, log: RefCell::default(), between }
     }
 
-    /// The contacts.
-    fn contacts(&self) -> &'a Contacts {
-        &self.system.0.forces.1
-    }
-
-    /// The columns of a state, each with the parameter it belongs to.
-    fn columns(
-        &self,
-        x: &VariedState,
-    ) -> impl Iterator<Item = (Tangent<Twist>, Option<&FoundParameter<'a>>)> {
-        let plain = x.rate.columns.len() - self.parameters.len();
-        let parameters = std::iter::repeat_n(None, plain).chain(self.parameters.iter().map(Some));
-        x.columns().zip(parameters)
-    }
-
-    fn wrench(&self, mode: &[ContactMode], t: f64, x: &VariedState) -> Twist {
-        let mut wrench = Twist::default();
-        let (q, rate) = (&x.configuration.base.0, &x.rate.base);
-        let effort =
-            |i: usize, law: &ContactLaw, at: &Encounter| law.effort_in(&mode[i], at, &rate.variables[i]);
-        self.system.0.wrenches_by(t, (q, &rate.base), effort, &mut wrench);
-        wrench
+    /// The parameter that column `k` of so many belongs to.
+    #[inline]
+    fn parameter(&self, k: usize, columns: usize) -> Option<&FoundParameter<'a>> {
+        (k + self.parameters.len()).checked_sub(columns).and_then(|p| self.parameters.get(p))
     }
 
     /// The size of a least gap up to which a contact is grazed.
@@ -108,13 +107,16 @@ impl<'a, F: ForceModel> Variational<'a, F> {
 
     /// Notes contacts that are open over a step and just miss their surface within it: the gap is the cubic
     /// through its values and rates at the ends.
-    pub(super) fn watch(&self, (t, before): (f64, &VariedState), (t_after, after): (f64, &VariedState)) {
-        let (body, h) = (&self.system.0.body, t_after - t);
-        let (x, x_after) = (before.body(), after.body());
-        for (guard, contact) in self.contacts().iter().enumerate().filter(|(_, c)| c.law().normal().jumps()) {
-            let (a, b) = (contact.encounter(body, &x), contact.encounter(body, &x_after));
+    pub(super) fn watch(&self, (t, before): (f64, &StateOf<S>), (t_after, after): (f64, &StateOf<S>)) {
+        let h = t_after - t;
+        let Between { encounters, .. } = &mut *self.between.borrow_mut();
+        encounters.clear();
+        let see = |_: usize, _: &ContactLaw, at: &Encounter| encounters.push(*at);
+        self.system.each_encounter(&before.configuration.base.0, &before.rate.base.base, see);
+        let see = |guard: usize, law: &ContactLaw, b: &Encounter| {
+            let Some(a) = encounters.get(guard).filter(|_| law.normal().jumps()) else { return };
             if a.gap < 0.0 || b.gap < 0.0 || a.rate > 0.0 || b.rate < 0.0 {
-                continue;
+                return;
             }
             let [first, last] =
                 [(a.gap, a.rate), (b.gap, b.rate)].map(|(gap, rate)| Guard { gap, rate, lag: 0.0 });
@@ -124,88 +126,101 @@ impl<'a, F: ForceModel> Variational<'a, F> {
             let (theta, gap) = inside.filter(|(_, gap)| *gap < nearer.1).unwrap_or(nearer);
             let bound = self.bound(a.sliding.norm(), (b.rate - a.rate) / h);
             self.note(Grazing { t: t + theta * h, guard, gap, bound, side: Side::Missing });
-        }
+        };
+        self.system.each_encounter(&after.configuration.base.0, &after.rate.base.base, see);
     }
 
-    /// The event of one contact: the jump of the columns.
+    /// The event of one contact: the jump of the columns, in a state that is linearised with all its contacts.
     fn cross(
         &self,
+        w: &mut S::Workspace,
         t: f64,
-        contact: usize,
+        (contact, law): (usize, &ContactLaw),
         modes: (&ContactMode, &ContactMode),
-        (acceleration, derivative): (&Twist, &AccelerationDerivative),
-        x: &mut VariedState,
+        acceleration: &Rate<S>,
+        x: &mut StateOf<S>,
     ) {
-        let (base, contacts) = (x.body(), self.contacts());
+        let Some(at) = self.system.met(w, contact).copied() else { return };
         let stretch = x.rate.base.variables[contact];
-        let at = Linearization::new(&contacts[contact], &self.system.0.body, &base);
-        let law = at.contact.law();
-        let flow = Tangent { displacement: base.rate, rate: *acceleration };
-        let flowing = at.along(&flow).at;
-        let stretching = law.stretch_rate_in(modes.0, &at.at, &stretch);
+        let flow = (&x.rate.base.base, acceleration);
+        self.system.vary(w, t, base::<S>(x), flow, None);
+        let flowing = self.system.change(w, contact);
+        let stretching = law.stretch_rate_in(modes.0, &at, &stretch);
         let margin_change = |change: &Encounter, parameter, stretch_change: &Vector3<f64>| {
             let along = ContactChange { at: change, stretch: stretch_change, parameter };
-            law.margin_derivative(modes, &at.at, &stretch, &along)
+            law.margin_derivative(modes, &at, &stretch, &along)
         };
         let rate = margin_change(&flowing, None, &stretching);
-        let times: Vec<f64> = self
-            .columns(x)
-            .enumerate()
-            .map(|(k, (column, parameter))| {
-                let change = &x.rate.columns[k].variables[contact];
-                let parameter = parameter.and_then(|parameter| parameter.of_contact(contact));
-                -margin_change(&at.along(&column).at, parameter, change) / rate
+        let count = x.rate.columns.len();
+        let columns = x.configuration.columns.iter().zip(&x.rate.columns).enumerate();
+        let times: Vec<f64> = columns
+            .map(|(k, (displacement, change))| {
+                let parameter = self.parameter(k, count);
+                let along = (&displacement.base, &change.base);
+                self.system.vary(w, t, base::<S>(x), along, parameter.map(|found| found.parameter));
+                let of_law = parameter.and_then(|parameter| parameter.of_contact(contact));
+                -margin_change(&self.system.change(w, contact), of_law, &change.variables[contact]) / rate
             })
             .collect();
-        let begins = modes.0.is_open() && at.at.rate <= 0.0;
-        let (jump, stretching_jump) = law.jump(modes, &at.at, &stretch);
+        let begins = modes.0.is_open() && at.rate <= 0.0;
+        let (jump, stretching_jump) = law.jump(modes, &at, &stretch);
         if begins && law.normal().jumps() && (flowing.rate > 0.0 || rate == 0.0) {
             let gap = if rate == 0.0 { 0.0 } else { -0.5 * rate * rate / flowing.rate };
-            let bound = self.bound(at.velocity().norm(), flowing.rate);
+            let bound = self.bound(at.sliding.norm().hypot(at.rate), flowing.rate);
             self.note(Grazing { t, guard: contact, gap, bound, side: Side::Touching });
         }
         let resets = modes.0.is_open() || modes.1.is_open();
-        let jump = derivative.by_wrench(&at.wrench(&jump));
+        // Where nothing jumps, as between stick and slip, the time of the event does not matter.
+        let jumps = jump != Wrench::default();
+        let mut response = acceleration.clone();
+        if jumps {
+            self.system.response(w, contact, base::<S>(x), &jump, &mut response);
+        }
         for (column, &time) in x.rate.columns.iter_mut().zip(&times) {
             let change = &mut column.variables[contact];
             if resets {
                 *change = Vector3::zeros();
             }
-            // Where nothing jumps, as between stick and slip, the time of the event does not matter.
-            if jump != Twist::default() {
-                column.base.axpy(-time, &jump);
-            }
             if stretching_jump != Vector3::zeros() {
                 *change -= stretching_jump * time;
             }
+            if jumps {
+                column.base.axpy(-time, &response);
+            }
         }
         if self.keep_events {
-            let guard = if resets { contact } else { contacts.len() + contact };
+            let guard = if resets { contact } else { self.system.laws().count() + contact };
             self.log.borrow_mut().times.push(EventTime { t, guard, columns: times });
         }
     }
 }
 
-impl<F: ForceModel> System for Variational<'_, F> {
-    type Configuration = VariedPose;
-    type Forms = VariedForms;
-    type Workspace = ();
-    fn workspace(&self) {}
+impl<S: Differentiable> System for Variational<'_, S> {
+    type Configuration = VariedOf<S>;
+    type Forms = S::Forms;
+    type Workspace = VariationalRoom<S::Workspace>;
+    fn workspace(&self) -> Self::Workspace {
+        VariationalRoom { system: self.system.room(), efforts: Vec::new() }
+    }
 
-    fn velocity(&self, _: &mut Self::Workspace, _: f64, x: &VariedState, out: &mut VariedRate) {
+    fn velocity(&self, _: &mut Self::Workspace, _: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
         out.assign(&x.rate);
         for (column, displacement) in out.columns.iter_mut().zip(&x.configuration.columns) {
             column.add_bracket(1.0, &x.rate.base, displacement);
         }
     }
 
-    fn acceleration(&self, w: &mut (), t: f64, x: &VariedState, out: &mut VariedRate) {
+    fn acceleration(&self, w: &mut Self::Workspace, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
         self.acceleration_in(&self.mode(t, x), w, t, x, out);
+    }
+
+    fn take_fault(&self) -> Option<Fault> {
+        self.system.fault()
     }
 }
 
 #[deny(clippy::missing_trait_methods)]
-impl<F: ForceModel> Hybrid for Variational<'_, F> {
+impl<S: Differentiable> Hybrid for Variational<'_, S> {
     type Mode = Vec<ContactMode>;
     type Kind = EventKind;
     type Fault = SurfaceFault;
@@ -215,12 +230,12 @@ impl<F: ForceModel> Hybrid for Variational<'_, F> {
         Ok(())
     }
 
-    fn mode(&self, _: f64, x: &VariedState) -> Vec<ContactMode> {
-        self.system.mode_at(&x.configuration.base, &x.rate.base)
+    fn mode(&self, _: f64, x: &StateOf<S>) -> Vec<ContactMode> {
+        encounters::modes::<Moved<S>>(self.system, base::<S>(x))
     }
 
-    fn next_mode(&self, before: &Vec<ContactMode>, _: f64, x: &VariedState) -> Vec<ContactMode> {
-        self.system.next_mode_at(before, &x.configuration.base, &x.rate.base)
+    fn next_mode(&self, before: &Vec<ContactMode>, _: f64, x: &StateOf<S>) -> Vec<ContactMode> {
+        encounters::next_modes::<Moved<S>>(self.system, before, base::<S>(x))
     }
 
     fn event_kind(
@@ -230,11 +245,11 @@ impl<F: ForceModel> Hybrid for Variational<'_, F> {
         after: &Guard,
         modes: (&Vec<ContactMode>, &Vec<ContactMode>),
     ) -> EventKind {
-        self.system.event_kind(guard, before, after, modes)
+        EventKind::of_guard(modes.0.len(), guard, before, after)
     }
 
-    fn guards(&self, mode: &Vec<ContactMode>, _: f64, x: &VariedState, out: &mut Vec<Guard>) {
-        self.system.guards_at(mode, &x.configuration.base, &x.rate.base, out);
+    fn guards(&self, mode: &Vec<ContactMode>, _: f64, x: &StateOf<S>, out: &mut Vec<Guard>) {
+        encounters::guards::<Moved<S>>(self.system, mode, base::<S>(x), out);
     }
 
     fn sweeps(
@@ -242,223 +257,84 @@ impl<F: ForceModel> Hybrid for Variational<'_, F> {
         mode: &Vec<ContactMode>,
         t: f64,
         h: f64,
-        ends: (&VariedState, &VariedState),
+        ends: (&StateOf<S>, &StateOf<S>),
         out: &mut Vec<Sweep>,
     ) {
-        self.system.0.sweeps(mode, t, h, (&ends.0.body(), &ends.1.body()), out);
+        self.system.sweeps_between(mode, t, h, [base::<S>(ends.0), base::<S>(ends.1)], out);
     }
 
     fn clear_time(
         &self,
         mode: &Vec<ContactMode>,
         t: f64,
-        x: &VariedState,
+        x: &StateOf<S>,
         guards: &[Guard],
         horizon: f64,
     ) -> f64 {
-        self.system.0.clear_time(mode, t, &x.body(), guards, horizon)
+        self.system.clear_time_from(mode, t, base::<S>(x), guards, horizon)
     }
 
-    fn examine(&self, guard: usize, x: &VariedState) -> Result<(), SurfaceFault> {
-        self.system.0.examine(guard, &x.body())
+    fn examine(&self, guard: usize, x: &StateOf<S>) -> Result<(), SurfaceFault> {
+        self.system.examine_in(guard, base::<S>(x))
     }
 
-    fn stiffest_rate(&self, mode: &Vec<ContactMode>, x: &VariedState) -> f64 {
-        self.system.0.stiffest_rate(mode, &x.body())
+    fn stiffest_rate(&self, mode: &Vec<ContactMode>, x: &StateOf<S>) -> f64 {
+        self.system.stiffest_rate_in(mode, base::<S>(x))
     }
 
-    fn energy(&self, x: &VariedState) -> Option<Energy> {
-        let of_body = self.system.0.energy(&x.body())?;
-        let springs = self.system.energy_at(&x.configuration.base, &x.rate.base);
-        Some(Energy { springs, ..of_body })
+    fn energy(&self, x: &StateOf<S>) -> Option<Energy> {
+        self.system.energy_in(base::<S>(x))
     }
 
     fn acceleration_in(
         &self,
         mode: &Vec<ContactMode>,
-        (): &mut (),
+        w: &mut Self::Workspace,
         t: f64,
-        x: &VariedState,
-        out: &mut VariedRate,
+        x: &StateOf<S>,
+        out: &mut RateOf<S>,
     ) {
-        let (base, body, (smooth, contacts)) = (x.body(), &self.system.0.body, &self.system.0.forces);
-        let stretches = &x.rate.base.variables;
-        self.system.wrenches_at(mode, t, &x.configuration.base, &x.rate.base, &mut out.base);
-        let wrench = out.base.base;
-        out.base.base = world_acceleration(body, &base, &wrench);
-        for ((column, parameter), change) in self.columns(x).zip(&mut out.columns) {
-            let mut sum = smooth.wrench_variation(t, body, &base, &column);
-            match parameter.map(|found| found.parameter) {
-                Some(Parameter::Mass) => sum = sum + smooth.mass_derivative(t, body, &base),
-                Some(Parameter::Force(derivative)) => sum = sum + derivative(t, body, &base),
-                Some(Parameter::Normal(..) | Parameter::Friction(..) | Parameter::InertiaScale) | None => {}
-            }
-            change.base = Twist { linear: sum.force, angular: sum.torque };
+        let (system, at_base, stretches) = (self.system, base::<S>(x), &x.rate.base.variables);
+        let VariationalRoom { system: w, efforts } = w;
+        system.linearize(w, (mode, false), t, at_base, &mut out.base);
+        efforts.clear();
+        efforts.extend(system.laws().zip(mode).enumerate().map(|(i, (law, mode))| {
+            system.met(w, i).map_or_else(Wrench::default, |at| law.effort_in(mode, at, &stretches[i]))
+        }));
+        let columns = x.configuration.columns.iter().zip(&x.rate.columns);
+        let count = x.rate.columns.len();
+        for (k, ((displacement, carried), change)) in columns.zip(&mut out.columns).enumerate() {
+            let parameter = self.parameter(k, count);
+            let constant = parameter.map(|found| found.parameter);
+            system.vary(w, t, at_base, (&displacement.base, &carried.base), constant);
             change.variables.fill(Vector3::zeros());
-        }
-        for (i, mode) in mode.iter().enumerate().filter(|(_, mode)| !mode.is_open()) {
-            let (at, stretch) = (Linearization::new(&contacts[i], body, &base), &stretches[i]);
-            let law = at.contact.law();
-            let effort = law.effort_in(mode, &at.at, stretch);
-            let columns = self.columns(x).zip(&x.rate.columns).zip(&mut out.columns);
-            for (((column, parameter), carried), change) in columns {
-                let moved = at.along(&column);
+            for (i, (law, mode)) in system.laws().zip(mode).enumerate() {
+                let Some(at) = system.met(w, i).copied() else { continue };
+                let moved = system.change(w, i);
                 let parameter = parameter.and_then(|parameter| parameter.of_contact(i));
-                let along = ContactChange { at: &moved.at, stretch: &carried.variables[i], parameter };
-                let (effort_change, stretch_rate) = law.derivative_in(mode, &at.at, stretch, &along);
-                change.base.axpy(1.0, &at.wrench_change(&moved, &effort, &effort_change));
+                let along = ContactChange { at: &moved, stretch: &carried.variables[i], parameter };
+                let (effort_change, stretch_rate) = law.derivative_in(mode, &at, &stretches[i], &along);
+                system.press(w, i, (&efforts[i], &effort_change), &moved);
                 change.variables[i] = stretch_rate;
             }
-        }
-        let acceleration = out.base.base;
-        let derivative = AccelerationDerivative::new(body, &base, &wrench, &acceleration);
-        for ((column, parameter), change) in self.columns(x).zip(&mut out.columns) {
-            change.base = derivative.along(&column, &change.base);
-            match parameter.map(|found| found.parameter) {
-                Some(Parameter::Mass) => change.base.linear -= acceleration.linear / body.mass(),
-                Some(Parameter::InertiaScale) => {
-                    change.base.angular -= derivative.by_wrench(&wrench).angular;
-                }
-                Some(Parameter::Normal(..) | Parameter::Friction(..) | Parameter::Force(_)) | None => {}
-            }
+            system.acceleration_change(w, at_base, constant, &mut change.base);
         }
     }
 
     /// The saltation of the columns, and the stretches of contacts that begin and end.
-    fn reset(&self, t: f64, before: &Vec<ContactMode>, after: &Vec<ContactMode>, x: &mut VariedState) {
-        let base = x.body();
-        let wrench = self.wrench(before, t, x);
-        let acceleration = world_acceleration(&self.system.0.body, &base, &wrench);
-        let derivative = AccelerationDerivative::new(&self.system.0.body, &base, &wrench, &acceleration);
-        for (contact, modes) in before.iter().zip(after).enumerate() {
+    fn reset(&self, t: f64, before: &Vec<ContactMode>, after: &Vec<ContactMode>, x: &mut StateOf<S>) {
+        let Between { system: w, .. } = &mut *self.between.borrow_mut();
+        let mut slope = x.rate.base.clone();
+        self.system.linearize(w, (before, true), t, base::<S>(x), &mut slope);
+        for (contact, (law, modes)) in self.system.laws().zip(before.iter().zip(after)).enumerate() {
             if modes.0 != modes.1 {
-                self.cross(t, contact, modes, (&acceleration, &derivative), x);
+                self.cross(w, t, (contact, law), modes, &slope.base, x);
             }
         }
         reset(before, after, &mut x.rate.base.variables);
     }
 
     fn impulse(&self, guard: usize, h: f64, before: &Guard, after: &Guard) -> f64 {
-        self.system.impulse(guard, h, before, after)
-    }
-}
-
-/// A state with columns whose base is in body axes; the columns stay in those of the world.
-type BodyVariedPose = Varied<Augmented<InBody<Pose>>, AugmentedRate<Twist>>;
-
-/// The forms of a body with columns: in the variables of the world, and with its rotation in body axes. Methods for any
-/// system take both.
-#[derive(Debug, Clone, Copy)]
-pub struct VariedForms;
-
-impl<S: System<Configuration = VariedPose, Workspace = ()>> Forms<S> for VariedForms {
-    fn visit<V: Visitor<VariedPose>>(
-        method: Method,
-        options: Options,
-        system: &S,
-        visitor: V,
-    ) -> Option<V::Output> {
-        method.visit_frames(options, system, InBodyAxes(system), visitor)
-    }
-}
-
-/// A body with columns, its rotation in body axes.
-struct InBodyAxes<'a, S>(&'a S);
-
-/// Turns states with columns whose base is in body axes into those of the world.
-#[derive(Debug, Clone, Copy)]
-struct FromBodyAxes;
-
-impl Decoder<BodyVariedPose, VariedPose> for FromBodyAxes {
-    fn decode(&self, x: &State<BodyVariedPose>, out: &mut VariedState) {
-        let (pose, rate) = (x.configuration.base.0.0, &x.rate.base.base.0);
-        out.configuration.base.0 = pose;
-        out.rate.base.base = Twist { linear: rate.linear, angular: pose.orientation * rate.angular };
-        out.rate.base.variables.copy_from_slice(&x.rate.base.variables);
-        out.configuration.columns.assign(&x.configuration.columns);
-        out.rate.columns.assign(&x.rate.columns);
-    }
-}
-
-impl<S: System<Configuration = VariedPose, Workspace = ()>> Form<VariedPose> for InBodyAxes<'_, S> {
-    type Decoder = FromBodyAxes;
-    fn encode(&self, x: &VariedState) -> State<BodyVariedPose> {
-        State {
-            configuration: Varied {
-                base: Augmented(InBody(x.configuration.base.0)),
-                columns: x.configuration.columns.clone(),
-            },
-            rate: rate_in_body_axes(&x.configuration.base.0, &x.rate),
-        }
-    }
-    fn decoder(&self) -> FromBodyAxes {
-        FromBodyAxes
-    }
-}
-
-fn rate_in_body_axes(
-    pose: &Pose,
-    rate: &VariedRate,
-) -> Varied<AugmentedRate<InBody<Twist>>, AugmentedRate<Twist>> {
-    let Twist { linear, angular } = rate.base.base;
-    let angular = pose.orientation.inverse_transform_vector(&angular);
-    let base =
-        AugmentedRate { base: InBody(Twist { linear, angular }), variables: rate.base.variables.clone() };
-    Varied { base, columns: rate.columns.clone() }
-}
-
-impl<S: System<Configuration = VariedPose, Workspace = ()>> System for InBodyAxes<'_, S> {
-    type Configuration = BodyVariedPose;
-    type Forms = OneForm;
-    type Workspace = Option<(VariedState, VariedRate)>;
-    const IS_WATCHED: bool = S::IS_WATCHED;
-    fn workspace(&self) -> Self::Workspace {
-        None
-    }
-
-    fn velocity(
-        &self,
-        _: &mut Self::Workspace,
-        _: f64,
-        x: &State<BodyVariedPose>,
-        out: &mut Varied<AugmentedRate<InBody<Twist>>, AugmentedRate<Twist>>,
-    ) {
-        out.assign(&x.rate);
-        let (pose, rate) = (&x.configuration.base.0.0, &x.rate.base.base.0);
-        let angular = pose.orientation * rate.angular;
-        for (column, displacement) in out.columns.iter_mut().zip(&x.configuration.columns) {
-            column.base.angular += angular.cross(&displacement.base.angular);
-        }
-    }
-
-    fn acceleration(
-        &self,
-        w: &mut Self::Workspace,
-        t: f64,
-        x: &State<BodyVariedPose>,
-        out: &mut Varied<AugmentedRate<InBody<Twist>>, AugmentedRate<Twist>>,
-    ) {
-        let (world, slope) = w.get_or_insert_with(|| {
-            let pose = x.configuration.base.0.0;
-            let base = State::augmented(
-                RigidBodyState { configuration: pose, rate: Twist::default() },
-                x.rate.base.variables.clone(),
-            );
-            let columns = x.configuration.columns.iter().zip(&x.rate.columns);
-            let columns = columns.map(|(displacement, rate)| Tangent {
-                displacement: displacement.clone(),
-                rate: rate.clone(),
-            });
-            let world = VariedState::varied(base, columns);
-            let slope = world.rate.clone();
-            (world, slope)
-        });
-        FromBodyAxes.decode(x, world);
-        self.0.acceleration(&mut (), t, world, slope);
-        let Twist { linear, angular } = slope.base.base;
-        let angular = world.configuration.base.0.orientation.inverse_transform_vector(&angular);
-        out.base.base = InBody(Twist { linear, angular });
-        out.base.variables.copy_from_slice(&slope.base.variables);
-        out.columns.assign(&slope.columns);
+        self.system.laws().nth(guard).map_or(0.0, |law| law.normal().impulse(h, before, after))
     }
 }

@@ -197,12 +197,12 @@ impl TreeContacts {
         self.contacts.laws()
     }
 
-    pub(super) fn part(&self, i: usize) -> Result<Part<'_>, ContactError> {
+    pub(crate) fn part(&self, i: usize) -> Result<Part<'_>, ContactError> {
         let unknown = ContactError::NoContact { found: i, contacts: self.len() };
         self.contacts.parts().nth(i).ok_or(unknown)
     }
 
-    pub(super) fn parts(&self) -> impl Iterator<Item = Part<'_>> {
+    pub(crate) fn parts(&self) -> impl Iterator<Item = Part<'_>> {
         self.contacts.parts()
     }
 
@@ -213,13 +213,13 @@ impl TreeContacts {
 
     /// The body that carries the surface of contact `i`.
     #[inline]
-    pub(super) fn base(&self, i: usize) -> Option<usize> {
+    pub(crate) fn base(&self, i: usize) -> Option<usize> {
         self.bases.get(i).copied().flatten()
     }
 
     /// The encounter of contact `i`, and on what it acts.
     #[inline]
-    pub(super) fn meet(&self, i: usize, part: &Part<'_>, bodies: &Velocities<'_>) -> (Encounter, Hold) {
+    pub(crate) fn meet(&self, i: usize, part: &Part<'_>, bodies: &Velocities<'_>) -> (Encounter, Hold) {
         match (part, self.base(i)) {
             (Part::Surface(link, contact), Some(base)) => self.meet_on_base((*link, contact), base, bodies),
             (Part::Surface(..) | Part::Pair(_), _) => {
@@ -256,7 +256,7 @@ impl TreeContacts {
 
 /// How the frame of a link stands and moves; NaN of one that is not there.
 #[inline]
-pub(super) fn frame(bodies: &Velocities<'_>, link: usize) -> Frame {
+pub(crate) fn frame(bodies: &Velocities<'_>, link: usize) -> Frame {
     match (bodies.positions().pose(link), bodies.velocity(link)) {
         (Ok(pose), Ok(motion)) => Frame {
             origin: pose.translation,

@@ -59,6 +59,7 @@ mod report;
 mod standing;
 mod system;
 
+pub(crate) use contacts::frame;
 pub use contacts::{LinkContact, LinkPair, TreeContacts};
 pub use report::{Ledger, Touch};
 pub use standing::Standing;

@@ -150,7 +150,7 @@ impl<'m, F: TreeForces, D: JointDrive> TreeInContact<'m, F, D> {
     }
 
     /// Shows the poses and velocities of the links; `None` where the state is of another tree.
-    pub(super) fn seen<R>(
+    pub(crate) fn seen<R>(
         &self,
         (q, p): (&Coordinates, &Rates),
         see: impl FnOnce(&Velocities<'_>) -> R,
@@ -324,6 +324,111 @@ impl<F: TreeForces, D: JointDrive> System for TreeInContact<'_, F, D> {
     }
 }
 
+/// The two parts of a state.
+fn parts(x: &TouchingState) -> Stretched<'_, Coordinates> {
+    (&x.configuration, &x.rate)
+}
+
+/// What [`Hybrid`] asks, of a state in its two parts.
+impl<F: TreeForces, D: JointDrive> TreeInContact<'_, F, D> {
+    pub(crate) fn sweeps_at(&self, h: f64, ends: [Stretched<'_, Coordinates>; 2], out: &mut Vec<Sweep>) {
+        let Room { data, bounds, .. } = &mut *self.room();
+        let [before, _] = ends;
+        let ends = ends.map(|(q, p)| (&q.0, &p.base));
+        let Ok((bodies, links)) = bounds.between(self.model(), data, ends, h) else { return };
+        let root = self.root_of_energy(&bodies, before);
+        let root = root.map(|root| root + self.growth * h);
+        let parts = self.contacts.parts().enumerate();
+        out.extend(parts.map(|(i, part)| self.sweep(i, &part, &bodies, links, root, h)));
+    }
+
+    pub(crate) fn clear_time_at(
+        &self,
+        mode: &[ContactMode],
+        (q, p): Stretched<'_, Coordinates>,
+        guards: &[Guard],
+        horizon: f64,
+    ) -> f64 {
+        if !is_free(mode) {
+            return 0.0;
+        }
+        let root = self.seen((&q.0, &p.base), |bodies| self.root_of_energy(bodies, (q, p)));
+        let Some(root) = root.flatten().map(|root| root + self.growth * horizon) else { return 0.0 };
+        self.contacts.parts().zip(guards).enumerate().fold(horizon, |least, (i, (part, guard))| {
+            let constant = match part {
+                Part::Surface(_, contact) => contact.surface().lipschitz(),
+                Part::Pair(_) => 1.0,
+            };
+            let speed = constant * root * self.contacts.mobility(i);
+            least.min(Sweep { speed, ..Sweep::UNKNOWN }.clear_time(guard.gap))
+        })
+    }
+
+    pub(crate) fn examine_at(
+        &self,
+        guard: usize,
+        (q, p): Stretched<'_, Coordinates>,
+    ) -> Result<(), SurfaceFault> {
+        let Ok(part) = self.contacts.part(guard) else { return Ok(()) };
+        let examined = self.seen((&q.0, &p.base), |bodies| match &part {
+            Part::Surface(link, contact) => {
+                let carrier = frame(bodies, *link);
+                let base = self.contacts.base(guard).map(|base| frame(bodies, base));
+                contact.examine_on(&base.map_or(carrier, |base| carrier.seen_from(&base)))
+            }
+            Part::Pair(_) => SpherePair::examine_at(&self.contacts.meet(guard, &part, bodies).0),
+        });
+        examined.unwrap_or(Ok(()))
+    }
+
+    pub(crate) fn stiffest_rate_at(&self, mode: &[ContactMode], (q, p): Stretched<'_, Coordinates>) -> f64 {
+        if is_free(mode) {
+            return 0.0;
+        }
+        // Where the mass matrix is singular the equations say so themselves.
+        let Ok(Some(factor)) = self.factor(q.0.as_slice()) else { return 0.0 };
+        let rates = self.seen((&q.0, &p.base), |bodies| {
+            let closed = self.contacts.parts().zip(mode).enumerate().filter(|(_, (_, mode))| !mode.is_open());
+            let rate = |(i, (part, _)): (usize, (Part<'_>, &ContactMode))| {
+                let (at, _) = self.contacts.meet(i, &part, bodies);
+                let jacobian = self.relative_jacobian(i, bodies).ok()?;
+                Some(part.law().rate(&at, &mobility(&jacobian, &factor, &at.normal)))
+            };
+            closed.filter_map(rate).sum::<ContactRate>()
+        });
+        rates.unwrap_or_default().bound()
+    }
+
+    pub(crate) fn energy_at(&self, (q, p): Stretched<'_, Coordinates>) -> Option<Energy> {
+        self.seen((&q.0, &p.base), |bodies| self.energy_of(bodies, (q, p))).flatten()
+    }
+
+    pub(crate) fn acceleration_at(
+        &self,
+        mode: &[ContactMode],
+        w: &mut TreeWorkspace,
+        t: f64,
+        (q, p): Stretched<'_, Coordinates>,
+        AugmentedRate { base, variables }: &mut TouchingRate,
+    ) {
+        variables.fill(Vector3::zeros());
+        let at = (&q.0, &p.base);
+        if is_free(mode) {
+            self.tree.acceleration_under(w, t, at, None, base);
+            return;
+        }
+        let stretches = &p.variables;
+        let effort = |i: usize, law: &ContactLaw, at: &Encounter| {
+            let (wrench, stretch_rate) = law.response_in(&mode[i], at, &stretches[i]);
+            variables[i] = stretch_rate;
+            wrench
+        };
+        let is_open = |i: usize| mode[i].is_open();
+        let pressing = Pressing { contacts: &self.contacts, effort: RefCell::new(effort), is_open: &is_open };
+        self.tree.acceleration_under(w, t, at, Some(&pressing), base);
+    }
+}
+
 #[deny(clippy::missing_trait_methods)]
 impl<F: TreeForces, D: JointDrive> Hybrid for TreeInContact<'_, F, D> {
     type Mode = Vec<ContactMode>;
@@ -365,13 +470,7 @@ impl<F: TreeForces, D: JointDrive> Hybrid for TreeInContact<'_, F, D> {
         (before, after): (&TouchingState, &TouchingState),
         out: &mut Vec<Sweep>,
     ) {
-        let Room { data, bounds, .. } = &mut *self.room();
-        let ends = [before, after].map(|x| (&x.configuration.0, &x.rate.base));
-        let Ok((bodies, links)) = bounds.between(self.model(), data, ends, h) else { return };
-        let root = self.root_of_energy(&bodies, (&before.configuration, &before.rate));
-        let root = root.map(|root| root + self.growth * h);
-        let parts = self.contacts.parts().enumerate();
-        out.extend(parts.map(|(i, part)| self.sweep(i, &part, &bodies, links, root, h)));
+        self.sweeps_at(h, [parts(before), parts(after)], out);
     }
 
     fn clear_time(
@@ -382,57 +481,19 @@ impl<F: TreeForces, D: JointDrive> Hybrid for TreeInContact<'_, F, D> {
         guards: &[Guard],
         horizon: f64,
     ) -> f64 {
-        if !is_free(mode) {
-            return 0.0;
-        }
-        let root = self.seen((&x.configuration.0, &x.rate.base), |bodies| {
-            self.root_of_energy(bodies, (&x.configuration, &x.rate))
-        });
-        let Some(root) = root.flatten().map(|root| root + self.growth * horizon) else { return 0.0 };
-        self.contacts.parts().zip(guards).enumerate().fold(horizon, |least, (i, (part, guard))| {
-            let constant = match part {
-                Part::Surface(_, contact) => contact.surface().lipschitz(),
-                Part::Pair(_) => 1.0,
-            };
-            let speed = constant * root * self.contacts.mobility(i);
-            least.min(Sweep { speed, ..Sweep::UNKNOWN }.clear_time(guard.gap))
-        })
+        self.clear_time_at(mode, parts(x), guards, horizon)
     }
 
     fn examine(&self, guard: usize, x: &TouchingState) -> Result<(), SurfaceFault> {
-        let Ok(part) = self.contacts.part(guard) else { return Ok(()) };
-        let examined = self.seen((&x.configuration.0, &x.rate.base), |bodies| match &part {
-            Part::Surface(link, contact) => {
-                let carrier = frame(bodies, *link);
-                let base = self.contacts.base(guard).map(|base| frame(bodies, base));
-                contact.examine_on(&base.map_or(carrier, |base| carrier.seen_from(&base)))
-            }
-            Part::Pair(_) => SpherePair::examine_at(&self.contacts.meet(guard, &part, bodies).0),
-        });
-        examined.unwrap_or(Ok(()))
+        self.examine_at(guard, parts(x))
     }
 
     fn stiffest_rate(&self, mode: &Vec<ContactMode>, x: &TouchingState) -> f64 {
-        if is_free(mode) {
-            return 0.0;
-        }
-        // Where the mass matrix is singular the equations say so themselves.
-        let Ok(Some(factor)) = self.factor(x.configuration.0.as_slice()) else { return 0.0 };
-        let rates = self.seen((&x.configuration.0, &x.rate.base), |bodies| {
-            let closed = self.contacts.parts().zip(mode).enumerate().filter(|(_, (_, mode))| !mode.is_open());
-            let rate = |(i, (part, _)): (usize, (Part<'_>, &ContactMode))| {
-                let (at, _) = self.contacts.meet(i, &part, bodies);
-                let jacobian = self.relative_jacobian(i, bodies).ok()?;
-                Some(part.law().rate(&at, &mobility(&jacobian, &factor, &at.normal)))
-            };
-            closed.filter_map(rate).sum::<ContactRate>()
-        });
-        rates.unwrap_or_default().bound()
+        self.stiffest_rate_at(mode, parts(x))
     }
 
     fn energy(&self, x: &TouchingState) -> Option<Energy> {
-        let stretched = (&x.configuration, &x.rate);
-        self.seen((&x.configuration.0, &x.rate.base), |bodies| self.energy_of(bodies, stretched)).flatten()
+        self.energy_at(parts(x))
     }
 
     fn acceleration_in(
@@ -441,23 +502,9 @@ impl<F: TreeForces, D: JointDrive> Hybrid for TreeInContact<'_, F, D> {
         w: &mut TreeWorkspace,
         t: f64,
         x: &TouchingState,
-        AugmentedRate { base, variables }: &mut TouchingRate,
+        out: &mut TouchingRate,
     ) {
-        variables.fill(Vector3::zeros());
-        let at = (&x.configuration.0, &x.rate.base);
-        if is_free(mode) {
-            self.tree.acceleration_under(w, t, at, None, base);
-            return;
-        }
-        let stretches = &x.rate.variables;
-        let effort = |i: usize, law: &ContactLaw, at: &Encounter| {
-            let (wrench, stretch_rate) = law.response_in(&mode[i], at, &stretches[i]);
-            variables[i] = stretch_rate;
-            wrench
-        };
-        let is_open = |i: usize| mode[i].is_open();
-        let pressing = Pressing { contacts: &self.contacts, effort: RefCell::new(effort), is_open: &is_open };
-        self.tree.acceleration_under(w, t, at, Some(&pressing), base);
+        self.acceleration_at(mode, w, t, parts(x), out);
     }
 
     /// Contacts begin and end without stretch.

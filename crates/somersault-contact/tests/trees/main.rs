@@ -6,6 +6,7 @@ mod bounds;
 mod carried;
 mod drops;
 mod energy;
+mod gradients;
 mod orders;
 mod report;
 mod scenes;

@@ -23,8 +23,10 @@
 //! vector algebra*, IEEE RA-L 7 (2022). The compact 2B is this crate's.
 
 pub(crate) mod elimination;
+mod links;
 mod momentum;
 
+pub(crate) use links::Varying;
 pub use momentum::MomentumPartials;
 
 use crate::data::{Data, TreeData};

@@ -36,6 +36,7 @@ mod bounds;
 mod forces;
 mod state;
 mod system;
+mod variation;
 mod workspace;
 
 pub use crate::coordinates::{Coordinates, Rates};
@@ -43,6 +44,7 @@ pub use bounds::{LinkBound, LinkBounds, mobility_bound};
 pub use forces::{BodyWrenches, Driven, JointDrive, TreeForces};
 pub use state::TreeState;
 pub use system::{TreeDynamics, TreeSystem};
+pub use variation::TreeVariation;
 pub use workspace::TreeWorkspace;
 
 use crate::error::DynamicsError;

@@ -11,6 +11,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use somersault_core::argument::expect_length;
 use somersault_core::lie::so3::from_xyzw;
 use somersault_integrators::state::State;
+use somersault_integrators::variation::Tangent;
 
 /// Positions of a tree and their rates; see [`motion`](crate::motion).
 pub type TreeState = State<Coordinates>;
@@ -55,6 +56,85 @@ impl Model {
         self.turn_linear_parts(q, out, |turn, part, (body, place)| {
             let velocity = self.own_motion(body, &v[place.dofs.clone()]);
             turn * (part + velocity.angular.cross(&velocity.linear))
+        });
+    }
+
+    /// The tangent (δq, δp) to a state in which the joints move by `way`, along q ⊕ ε e_k, and their velocities change by
+    /// `change`.
+    pub fn tangent(
+        &self,
+        x: &TreeState,
+        way: &[f64],
+        change: &[f64],
+    ) -> Result<Tangent<Rates>, DynamicsError> {
+        let (n, q) = (self.n_velocities(), x.configuration.as_slice());
+        expect_length("way", way.len(), n)?;
+        expect_length("change", change.len(), n)?;
+        let mut v = vec![0.0; n];
+        self.joint_velocities(x, &mut v)?;
+        let [mut displacement, mut rate] = [way, change].map(|numbers| {
+            let mut out = x.rate.clone();
+            out.as_mut_slice().copy_from_slice(numbers);
+            out
+        });
+        self.turn_linear_parts(q, displacement.as_mut_slice(), |turn, part, _| turn * part);
+        self.turn_linear_parts(q, rate.as_mut_slice(), |turn, part, (body, place)| {
+            let [moved, velocity] =
+                [way, &v].map(|numbers| self.own_motion(body, &numbers[place.dofs.clone()]));
+            turn * (part + moved.angular.cross(&velocity.linear))
+        });
+        Ok(Tangent { displacement, rate })
+    }
+
+    /// The motion of the joints and the change of their velocities along a tangent (δq, δp) to a state: the inverse of
+    /// [`tangent`](Self::tangent).
+    pub fn joint_tangent(
+        &self,
+        x: &TreeState,
+        tangent: (&Rates, &Rates),
+    ) -> Result<[Vec<f64>; 2], DynamicsError> {
+        let mut v = vec![0.0; self.n_velocities()];
+        self.joint_velocities(x, &mut v)?;
+        expect_length("displacement", tangent.0.as_slice().len(), v.len())?;
+        expect_length("rate", tangent.1.as_slice().len(), v.len())?;
+        let (mut way, mut change) = (v.clone(), v.clone());
+        self.joint_tangent_into((x.configuration.as_slice(), &v), tangent, (&mut way, &mut change));
+        Ok([way, change])
+    }
+
+    /// The same in a state of joint velocities `v`; lengths must fit.
+    pub(crate) fn joint_tangent_into(
+        &self,
+        (q, v): (&[f64], &[f64]),
+        (displacement, rate): (&Rates, &Rates),
+        (way, change): (&mut [f64], &mut [f64]),
+    ) {
+        way.copy_from_slice(displacement.as_slice());
+        self.turn_linear_parts(q, way, |turn, part, _| turn.inverse() * part);
+        change.copy_from_slice(rate.as_slice());
+        self.turn_linear_parts(q, change, |turn, part, (body, place)| {
+            let [moved, velocity] =
+                [&*way, v].map(|numbers| self.own_motion(body, &numbers[place.dofs.clone()]));
+            turn.inverse() * part - moved.angular.cross(&velocity.linear)
+        });
+    }
+
+    /// out ← the change of [`second_rates`](Self::second_rates) at `v` and `a` along a motion of the joints and changes of v
+    /// and a; lengths must fit.
+    pub(crate) fn second_rates_change(
+        &self,
+        q: &[f64],
+        (v, a): (&[f64], &[f64]),
+        (way, rate, change): (&[f64], &[f64], &[f64]),
+        out: &mut [f64],
+    ) {
+        out.copy_from_slice(change);
+        self.turn_linear_parts(q, out, |turn, part, (body, place)| {
+            let [velocity, acceleration, moved, faster] =
+                [v, a, way, rate].map(|numbers| self.own_motion(body, &numbers[place.dofs.clone()]));
+            let whole = acceleration.linear + velocity.angular.cross(&velocity.linear);
+            let gained = faster.angular.cross(&velocity.linear) + velocity.angular.cross(&faster.linear);
+            turn * (part + gained + moved.angular.cross(&whole))
         });
     }
 

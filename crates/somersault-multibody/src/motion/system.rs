@@ -109,6 +109,11 @@ impl<F: TreeForces, D: JointDrive> TreeSystem<'_, F, D> {
         }
     }
 
+    /// What there is, unless the equations have no value, whose reason is kept for the run.
+    pub(super) fn keep<T>(&self, result: Result<T, DynamicsError>) -> Option<T> {
+        self.failure.keep(result)
+    }
+
     /// A workspace with room for wrenches, whatever the forces are.
     pub fn workspace_for_wrenches(&self) -> TreeWorkspace {
         TreeWorkspace::new(self.model, true)
