@@ -1,5 +1,6 @@
 //! Errors of what users give.
 
+use crate::tree::UntouchableShape;
 use somersault_core::argument::ArgumentError;
 use somersault_multibody::DynamicsError;
 
@@ -84,6 +85,9 @@ pub enum ContactError {
         /// Number of contacts.
         contacts: usize,
     },
+    /// A shape of which nothing touches the surface.
+    #[error("`shape`: {0}")]
+    Shape(#[from] UntouchableShape),
     /// The tree has no dynamics there.
     #[error(transparent)]
     Dynamics(#[from] DynamicsError),

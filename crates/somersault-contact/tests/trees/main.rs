@@ -6,11 +6,14 @@ mod bounds;
 mod carried;
 mod drops;
 mod energy;
+mod geometry;
 mod orders;
+mod references;
 mod report;
 mod scenes;
 mod shots;
 mod slider;
+mod standing;
 
 use somersault_testkit::allocations::Counting;
 
