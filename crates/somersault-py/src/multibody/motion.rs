@@ -26,7 +26,7 @@ use somersault::multibody::{self, Split};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// One number for each degree of freedom, given as such or by a callable ``f(t, q, v)``.
-struct Given {
+pub(crate) struct Given {
     source: Source,
     failure: Failure,
     calls: AtomicU64,
@@ -38,7 +38,7 @@ enum Source {
 }
 
 impl Given {
-    fn extract(
+    pub(crate) fn extract(
         argument: &str,
         n: usize,
         value: Option<&Bound<'_, PyAny>>,
