@@ -77,7 +77,7 @@ def test_laws_and_surfaces_are_those_given() -> None:
     def hill(point: Array) -> tuple[float, Array]:
         return float(point[2]), np.array([0.0, 0.0, 1.0])
 
-    resistance = contact.Resistance(rolling=0.01)
+    resistance = contact.Resistance(0.01, 0.02, 0.1)
     (ball,) = contact.shape_contacts("a", "sphere", [0.1], hill, LAW, friction=GRIP, resistance=resistance)
     assert ball.surface is hill and ball.contact.law == LAW
     assert ball.contact.friction == GRIP and ball.contact.resistance == resistance

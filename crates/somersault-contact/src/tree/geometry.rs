@@ -2,7 +2,7 @@
 
 use super::contacts::LinkContact;
 use crate::contacts::Contact;
-use crate::error::ContactError;
+use crate::error::{ContactError, UntouchableShape};
 use crate::laws::ContactLaw;
 use crate::surface::Surface;
 use nalgebra::{UnitQuaternion, Vector3};
@@ -11,32 +11,6 @@ use somersault_multibody::Model;
 use somersault_multibody::geometry::{Geometry, GeometryPurpose, GeometryShape};
 use std::fmt;
 use std::sync::Arc;
-
-/// Why nothing of a shape touches a surface.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[non_exhaustive]
-pub enum UntouchableShape {
-    /// The file of a mesh is not opened.
-    #[error(
-        "a mesh has no contacts, since its file `{file}` is not opened; a box, capsule, cylinder or sphere has"
-    )]
-    Mesh {
-        /// The file.
-        file: String,
-    },
-    /// No shape of contact is an ellipsoid.
-    #[error("an ellipsoid has no contacts; a box, capsule, cylinder or sphere has")]
-    Ellipsoid,
-    /// The rims of a cylinder touch planes.
-    #[error("the rims of a cylinder touch half-spaces only; a box, capsule or sphere touches any surface")]
-    Curved,
-    /// A shape that is fixed in the world, or in the body that carries the surface.
-    #[error("it is fixed in the world, which does not move against the surface")]
-    World,
-    /// A link without a shape for collisions.
-    #[error("it has no shape to collide with")]
-    NoShape,
-}
 
 /// A shape of a robot that has no contact.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -62,7 +62,7 @@ mod standing;
 mod system;
 
 pub use contacts::{LinkContact, LinkPair, TreeContacts};
-pub use geometry::{GeometryContacts, LeftOut, UntouchableShape, geometry_contacts, shape_contacts};
+pub use geometry::{GeometryContacts, LeftOut, geometry_contacts, shape_contacts};
 pub use report::{Ledger, Touch};
 pub use standing::Standing;
 pub use system::{TouchingRate, TouchingState, TreeInContact};

@@ -1,12 +1,12 @@
 //! Contacts from shapes, and from the collision elements of a robot's file.
 
 use nalgebra::{UnitQuaternion, Vector3};
-use somersault_contact::ContactError;
 use somersault_contact::laws::ContactLaw;
 use somersault_contact::laws::compliant::CompliantLaw;
 use somersault_contact::shape::Shape;
 use somersault_contact::surface::{HalfSpace, Solid, SphericalSurface, Surface};
-use somersault_contact::tree::{LinkContact, UntouchableShape, geometry_contacts, shape_contacts};
+use somersault_contact::tree::{LinkContact, geometry_contacts, shape_contacts};
+use somersault_contact::{ContactError, UntouchableShape};
 use somersault_multibody::geometry::GeometryShape;
 use somersault_multibody::urdf::{self, UrdfOptions};
 use std::f64::consts::FRAC_PI_2;
