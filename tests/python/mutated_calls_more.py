@@ -99,6 +99,19 @@ feet = contact.TreeContacts(leg.model, [foot, knees])
 feet.forces(leg.q, leg.v, np.zeros((2, 3)))
 feet.energies(leg.q, leg.v, "loaded")
 feet.standing((0.0, 0.649, 0.0, 0.0, 0.0), np.zeros(5))
+feet.standing((0.0, 0.649, 0.0, 0.0, 0.0), lambda t, q, v: np.zeros(5))
+contact.shape_contacts(
+    "foot",
+    "box",
+    (0.2, 0.1, 0.04),
+    contact.HalfSpace(),
+    law,
+    friction=creep,
+    position=(0.0, 0.0, -0.02),
+    orientation=(0.0, 0.0, 0.0, 1.0),
+    name="sole",
+    on="board",
+)
 multibody.integrate_tree(
     leg.model,
     leg.q,

@@ -84,6 +84,9 @@ pub enum ContactError {
         /// Number of contacts.
         contacts: usize,
     },
+    /// A shape of which nothing touches the surface.
+    #[error("`shape`: {0}")]
+    Shape(#[from] UntouchableShape),
     /// The tree has no dynamics there.
     #[error(transparent)]
     Dynamics(#[from] DynamicsError),
@@ -103,6 +106,32 @@ pub enum ContactError {
         /// The value given.
         found: [f64; 3],
     },
+}
+
+/// Why nothing of a shape touches a surface.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum UntouchableShape {
+    /// The file of a mesh is not opened.
+    #[error(
+        "a mesh has no contacts, since its file `{file}` is not opened; a box, capsule, cylinder or sphere has"
+    )]
+    Mesh {
+        /// The file.
+        file: String,
+    },
+    /// No shape of contact is an ellipsoid.
+    #[error("an ellipsoid has no contacts; a box, capsule, cylinder or sphere has")]
+    Ellipsoid,
+    /// The rims of a cylinder touch planes.
+    #[error("the rims of a cylinder touch half-spaces only; a box, capsule or sphere touches any surface")]
+    Curved,
+    /// A shape that is fixed in the world, or in the body that carries the surface.
+    #[error("it is fixed in the world, which does not move against the surface")]
+    World,
+    /// A link without a shape for collisions.
+    #[error("it has no shape to collide with")]
+    NoShape,
 }
 
 pub(crate) fn finite(

@@ -68,4 +68,4 @@ mod sweep;
 mod touch;
 pub mod tree;
 
-pub use error::ContactError;
+pub use error::{ContactError, UntouchableShape};

@@ -45,7 +45,8 @@ pub(crate) fn loaded<Q: Configuration>(
         weighed(&x, &|i, _, _| Wrench { force: force(i), torque: Vector3::zeros() }) - &smooth
     };
     let columns: Vec<_> = units.iter().map(column).collect();
-    if columns.is_empty() {
+    // Forces that are not numbers carry nothing.
+    if columns.is_empty() || !columns.iter().chain([&load]).all(|of| of.iter().all(|x| x.is_finite())) {
         return state;
     }
     let svd = DMatrix::from_columns(&columns).svd(true, true);

@@ -53,6 +53,7 @@ mod data;
 mod derivatives;
 mod error;
 pub mod flight;
+pub mod geometry;
 mod independent;
 mod inertia;
 pub mod joint;

@@ -2,12 +2,13 @@ from collections.abc import Callable, Sequence
 from typing import Any, Literal, TypeAlias, final
 
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 from typing_extensions import disjoint_base
 
 from somersault._somersault import _Floats
 from somersault._somersault.forces import Gravity, _AnyForce
 from somersault._somersault.integrators import RigidBody, State, _AnyMethod
-from somersault._somersault.multibody import Model
+from somersault._somersault.multibody import Model, Robot
 
 __all__ = [
     "CompliantLaw",
@@ -35,8 +36,10 @@ __all__ = [
     "differentiate",
     "falling_box",
     "hopping_leg",
+    "link_contacts",
     "restitution",
     "rolling_disk",
+    "shape_contacts",
     "sliding_block",
     "spinning_top",
     "tippe_top",
@@ -294,9 +297,38 @@ class TreeContacts:
     def energies(
         self, q: ArrayLike, v: ArrayLike, stretches: Literal["loaded"] | ArrayLike | None = None
     ) -> tuple[float, float, float]: ...
-    def standing(self, q: ArrayLike, torque: ArrayLike | None = None) -> tuple[_Floats, _Floats, bool]: ...
+    def standing(
+        self,
+        q: ArrayLike,
+        torque: ArrayLike | Callable[[float, _Floats, _Floats], ArrayLike] | None = None,
+    ) -> tuple[_Floats, _Floats, bool]: ...
     def __len__(self) -> int: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
+
+def shape_contacts(
+    link: str,
+    shape: Literal["box", "capsule", "cylinder", "sphere"],
+    size: ArrayLike,
+    surface: _Surface,
+    law: _NormalLaw,
+    *,
+    friction: _FrictionLaw | None = None,
+    resistance: Resistance | None = None,
+    position: ArrayLike | None = None,
+    orientation: Rotation | ArrayLike | None = None,
+    name: str | None = None,
+    on: str | None = None,
+) -> list[LinkContact]: ...
+def link_contacts(
+    robot: Robot,
+    surface: _Surface,
+    law: _NormalLaw,
+    *,
+    friction: _FrictionLaw | None = None,
+    resistance: Resistance | None = None,
+    links: Sequence[str] | None = None,
+    on: str | None = None,
+) -> tuple[list[LinkContact], list[str]]: ...
 
 @final
 class HoppingLeg:

@@ -9,7 +9,8 @@
 //! with located events.
 //!
 //! A surface stands in the world, or is carried by a body of the tree ([`LinkContact::on`]): a board on a spring, a platform or a
-//! conveyor whose joint is [driven](somersault_multibody::motion::Driven) as a function of time.
+//! conveyor whose joint is [driven](somersault_multibody::motion::Driven) as a function of time. The contacts of a box, a capsule, a
+//! cylinder or a sphere, and of what a robot's file collides with, are made by [`shape_contacts`] and [`geometry_contacts`].
 //!
 //! # How a step is proved clear
 //!
@@ -55,12 +56,14 @@
 //! ```
 
 mod contacts;
+mod geometry;
 mod report;
 mod standing;
 mod system;
 
 pub(crate) use contacts::frame;
 pub use contacts::{LinkContact, LinkPair, TreeContacts};
+pub use geometry::{GeometryContacts, LeftOut, geometry_contacts, shape_contacts};
 pub use report::{Ledger, Touch};
 pub use standing::Standing;
 pub use system::{TouchingRate, TouchingState, TreeInContact};

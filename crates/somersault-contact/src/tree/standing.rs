@@ -72,6 +72,9 @@ impl<F: TreeForces, D: JointDrive> TreeInContact<'_, F, D> {
                 Ok((at(1.0)? - at(-1.0)?) * (0.5 / MOVE))
             };
             let columns = (0..n).map(column).collect::<Result<Vec<_>, _>>()?;
+            if columns.iter().any(|column| !column.iter().all(|x| x.is_finite())) {
+                break;
+            }
             let svd = DMatrix::from_columns(&columns).svd(true, true);
             let Ok(mut step) = svd.solve(&left, 1e-9 * svd.singular_values.max()) else { break };
             // A step of a pose, in m and rad: the forces are linear over little more than that.

@@ -6,12 +6,15 @@ mod bounds;
 mod carried;
 mod drops;
 mod energy;
+mod geometry;
 mod gradients;
 mod orders;
+mod references;
 mod report;
 mod scenes;
 mod shots;
 mod slider;
+mod standing;
 
 use somersault_testkit::allocations::Counting;
 

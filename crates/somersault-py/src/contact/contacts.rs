@@ -76,11 +76,26 @@ fn built_in(surface: &Bound<'_, PyAny>) -> Result<Arc<dyn surface::Surface>, Err
 impl Contact {
     /// One of the library's.
     pub(crate) fn of(py: Python<'_>, contact: &contacts::Contact) -> PyResult<Self> {
+        let surface = Surface::of(py, contact.surface())?;
+        Ok(Self::given(contact, surface.bind(py)))
+    }
+
+    /// One of the library's, against a surface as it was given.
+    pub(crate) fn given(contact: &contacts::Contact, surface: &Bound<'_, PyAny>) -> Self {
         let axis = match contact.shape() {
             Shape::Rim { axis, .. } => Some(axis.into_inner()),
-            _ => None,
+            Shape::Point(_) | Shape::Ball { .. } => None,
         };
-        Ok(Self { contact: contact.clone(), surface: Surface::of(py, contact.surface())?, axis })
+        Self { contact: contact.clone(), surface: surface.clone().unbind(), axis }
+    }
+
+    /// A surface as it was given, of which a callable is not called.
+    pub(crate) fn surface_given(surface: &Bound<'_, PyAny>) -> Result<Arc<dyn surface::Surface>, Error> {
+        let known = built_in(surface)?;
+        if surface.is_instance_of::<Surface>() {
+            return Ok(known);
+        }
+        Ok(Arc::new(CallableSurface::new(surface, &Failure::default())))
     }
 
     pub(crate) fn is_built_in(&self, py: Python<'_>) -> bool {

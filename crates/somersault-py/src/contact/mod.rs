@@ -1,6 +1,7 @@
 //! Contact of bodies with surfaces and with each other.
 
 pub(crate) mod contacts;
+pub(crate) mod geometry;
 pub(crate) mod laws;
 pub(crate) mod sensitivity;
 pub(crate) mod surface;
@@ -14,6 +15,8 @@ pub(crate) mod module {
 
     #[pymodule_export]
     use crate::contact::contacts::{Contact, SpherePair};
+    #[pymodule_export]
+    use crate::contact::geometry::{link_contacts, shape_contacts};
     #[pymodule_export]
     use crate::contact::laws::{Resistance, damping_ratio, restitution};
     #[pymodule_export]

@@ -8,6 +8,7 @@ use crate::core::callable::Failure;
 use crate::core::convert::{a_type, array, finite_all, sequence, vector_array, vector_or, with_shape};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, brief, by_class, by_restore, counted, few, value};
+use crate::multibody::given::Given;
 use crate::multibody::kinematics::write;
 use crate::multibody::model::Model;
 use numpy::PyArrayDyn;
@@ -65,6 +66,19 @@ value! {
         on: Option<&str> = |own| own.on.as_deref();
         /// Surface or callable: The surface.
         surface: Py<PyAny> = |own, py| own.contact.get().surface(py);
+    }
+}
+
+impl LinkContact {
+    /// One of the library's, against a surface as it was given, which a body may carry.
+    pub(crate) fn of(
+        py: Python<'_>,
+        own: &tree::LinkContact,
+        surface: &Bound<'_, PyAny>,
+        on: Option<&str>,
+    ) -> Result<Self, Error> {
+        let contact = Py::new(py, Contact::given(own.contact(), surface))?;
+        Ok(Self { name: own.name().into(), link: own.link().into(), contact, on: on.map(Into::into) })
     }
 }
 
@@ -695,8 +709,8 @@ impl TreeContacts {
     /// ----------
     /// q : array_like, shape (n_positions,)
     ///     Configuration to begin with, in which something touches.
-    /// torque : array_like, shape (n_velocities,), optional
-    ///     Joint forces; none unless given.
+    /// torque : array_like, shape (n_velocities,), or callable, optional
+    ///     Joint forces, or ``f(t, q, v)`` that returns them, which is called at t = 0 and rest; none unless given.
     ///
     /// Returns
     /// -------
@@ -727,14 +741,8 @@ impl TreeContacts {
         let (model, failure) = (&self.model.get().model, Failure::default());
         let n = model.n_velocities();
         let q = finite_all("q", with_shape("q", &[model.n_positions()], q)?)?;
-        let given = match torque {
-            Some(torque) => finite_all("torque", with_shape("torque", &[n], torque)?)?,
-            None => vec![0.0; n],
-        };
-        let torques = move |_: f64, _: &[f64], _: &[f64], out: &mut [f64]| {
-            out.iter_mut().zip(&given).for_each(|(sum, x)| *sum += x);
-        };
-        let system = self.given.on(py, TreeSystem::new(model, torques), &failure)?;
+        let torque = Given::extract("torque", n, torque, &failure)?;
+        let system = self.given.on(py, TreeSystem::new(model, &torque), &failure)?;
         let found = system.standing(0.0, &q);
         if let Some(error) = failure.get() {
             return Err(error.clone_ref(py).into());

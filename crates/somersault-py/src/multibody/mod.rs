@@ -2,6 +2,7 @@
 
 pub(crate) mod dynamics;
 pub(crate) mod flight;
+pub(crate) mod given;
 pub(crate) mod kinematics;
 pub(crate) mod link;
 pub(crate) mod model;

@@ -1,7 +1,7 @@
 //! Motion of trees under joint forces, with joints that may be driven.
 
 use crate::contact::tree::{LinkEvent, PickledTouches, TreeContactList, TreeTouches, stretched};
-use crate::core::callable::{Failure, call, callable_name, check_callable};
+use crate::core::callable::{Failure, check_callable};
 use crate::core::convert::{array, finite_all, integer, integer_or_none, interval_of, times, with_shape};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, value};
@@ -10,6 +10,7 @@ use crate::integrators::methods;
 use crate::integrators::monitor::{Finish, Monitor, ProgressBar, Watch};
 use crate::integrators::plan::{self, Plan, StepArguments, start_up_of, stiff_of};
 use crate::integrators::trajectory::Report;
+use crate::multibody::given::Given;
 use crate::multibody::model::Model;
 use numpy::PyArray1;
 use pyo3::exceptions::PyTypeError;
@@ -21,75 +22,8 @@ use somersault::integrators::events::{Interrupted, Located, Location};
 use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::solution;
 use somersault::integrators::state::{Configuration, State};
-use somersault::multibody::motion::{Coordinates, TreeForces, TreeState, TreeSystem};
+use somersault::multibody::motion::{Coordinates, TreeState, TreeSystem};
 use somersault::multibody::{self, Split};
-use std::sync::atomic::{AtomicU64, Ordering};
-
-/// One number for each degree of freedom, given as such or by a callable ``f(t, q, v)``.
-struct Given {
-    source: Source,
-    failure: Failure,
-    calls: AtomicU64,
-}
-
-enum Source {
-    Numbers(Vec<f64>),
-    Callable { callable: Py<PyAny>, name: String },
-}
-
-impl Given {
-    fn extract(
-        argument: &str,
-        n: usize,
-        value: Option<&Bound<'_, PyAny>>,
-        failure: &Failure,
-    ) -> Result<Self, Error> {
-        let source = match value {
-            None => Source::Numbers(vec![0.0; n]),
-            Some(value) if value.is_callable() => {
-                Source::Callable { callable: value.clone().unbind(), name: callable_name(value) }
-            }
-            Some(value) => Source::Numbers(finite_all(argument, with_shape(argument, &[n], value)?)?),
-        };
-        Ok(Self { source, failure: failure.clone(), calls: AtomicU64::new(0) })
-    }
-
-    fn is_callable(&self) -> bool {
-        matches!(self.source, Source::Callable { .. })
-    }
-
-    /// Writes `write`(number given) to every entry.
-    fn apply(&self, t: f64, q: &[f64], v: &[f64], out: &mut [f64], write: impl Fn(&mut f64, f64)) {
-        self.calls.fetch_add(1, Ordering::Relaxed);
-        let all = |out: &mut [f64], numbers: &[f64]| {
-            out.iter_mut().zip(numbers).for_each(|(out, x)| write(out, *x));
-        };
-        match &self.source {
-            Source::Numbers(numbers) => all(out, numbers),
-            Source::Callable { callable, name } => {
-                let found = call(&self.failure, vec![f64::NAN; out.len()], |py| {
-                    let arguments = (t, PyArray1::from_slice(py, q), PyArray1::from_slice(py, v));
-                    let returned = callable.call1(py, arguments)?;
-                    let what = format!("{name}(t, q, v)");
-                    finite_all(&what, with_shape(&what, &[v.len()], returned.bind(py))?)
-                });
-                all(out, &found);
-            }
-        }
-    }
-}
-
-impl TreeForces for &Given {
-    fn add_torque(&self, t: f64, q: &[f64], v: &[f64], torque: &mut [f64]) {
-        self.apply(t, q, v, torque, |sum, x| *sum += x);
-    }
-    fn potential(&self, _: &[f64]) -> Option<f64> {
-        match &self.source {
-            Source::Numbers(numbers) if numbers.iter().all(|x| *x == 0.0) => Some(0.0),
-            Source::Numbers(_) | Source::Callable { .. } => None,
-        }
-    }
-}
 
 /// What a tree moves on, alone or with the stretches of its contacts beside.
 trait OfTree: Configuration {
@@ -561,7 +495,7 @@ impl Requested<'_, '_> {
     ) -> Result<Py<TreeSolution>, Error> {
         let (model, tree) = (self.model, &self.model.get().model);
         let Finish { mut recorded, steps, status, message, failed } = finish;
-        let nfev = self.torque.calls.load(Ordering::Relaxed);
+        let nfev = self.torque.calls();
         let report = Report { status, message, nfev, n_steps: steps, n_rejected };
         let touches = touches(&recorded.states)?;
         let (t, (q, v)) = (recorded.times.clone(), rows(tree, recorded.states.iter().cloned())?);

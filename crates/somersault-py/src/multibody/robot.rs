@@ -55,6 +55,11 @@ impl Robot {
         let model = Py::new(py, Model::of(model))?;
         Ok(Self { model, name, reference, joints, repairs, ignored, geometry, source })
     }
+
+    /// The tree, and the shapes of its bodies.
+    pub(crate) fn touched(&self) -> (&Py<Model>, &[robot::Geometry]) {
+        (&self.model, &self.geometry)
+    }
 }
 
 value! {

@@ -1,0 +1,80 @@
+//! Numbers of the degrees of freedom of a tree, as they are or by a callable.
+
+use crate::core::callable::{Failure, call, callable_name};
+use crate::core::convert::{finite_all, with_shape};
+use crate::core::error::Error;
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use somersault::multibody::motion::TreeForces;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// One number for each degree of freedom, given as such or by a callable ``f(t, q, v)``.
+pub(crate) struct Given {
+    source: Source,
+    failure: Failure,
+    calls: AtomicU64,
+}
+
+enum Source {
+    Numbers(Vec<f64>),
+    Callable { callable: Py<PyAny>, name: String },
+}
+
+impl Given {
+    pub(crate) fn extract(
+        argument: &str,
+        n: usize,
+        value: Option<&Bound<'_, PyAny>>,
+        failure: &Failure,
+    ) -> Result<Self, Error> {
+        let source = match value {
+            None => Source::Numbers(vec![0.0; n]),
+            Some(value) if value.is_callable() => {
+                Source::Callable { callable: value.clone().unbind(), name: callable_name(value) }
+            }
+            Some(value) => Source::Numbers(finite_all(argument, with_shape(argument, &[n], value)?)?),
+        };
+        Ok(Self { source, failure: failure.clone(), calls: AtomicU64::new(0) })
+    }
+
+    pub(crate) fn is_callable(&self) -> bool {
+        matches!(self.source, Source::Callable { .. })
+    }
+
+    /// How often the numbers were asked.
+    pub(crate) fn calls(&self) -> u64 {
+        self.calls.load(Ordering::Relaxed)
+    }
+
+    /// Writes `write`(number given) to every entry.
+    pub(crate) fn apply(&self, t: f64, q: &[f64], v: &[f64], out: &mut [f64], write: impl Fn(&mut f64, f64)) {
+        self.calls.fetch_add(1, Ordering::Relaxed);
+        let all = |out: &mut [f64], numbers: &[f64]| {
+            out.iter_mut().zip(numbers).for_each(|(out, x)| write(out, *x));
+        };
+        match &self.source {
+            Source::Numbers(numbers) => all(out, numbers),
+            Source::Callable { callable, name } => {
+                let found = call(&self.failure, vec![f64::NAN; out.len()], |py| {
+                    let arguments = (t, PyArray1::from_slice(py, q), PyArray1::from_slice(py, v));
+                    let returned = callable.call1(py, arguments)?;
+                    let what = format!("{name}(t, q, v)");
+                    finite_all(&what, with_shape(&what, &[v.len()], returned.bind(py))?)
+                });
+                all(out, &found);
+            }
+        }
+    }
+}
+
+impl TreeForces for &Given {
+    fn add_torque(&self, t: f64, q: &[f64], v: &[f64], torque: &mut [f64]) {
+        self.apply(t, q, v, torque, |sum, x| *sum += x);
+    }
+    fn potential(&self, _: &[f64]) -> Option<f64> {
+        match &self.source {
+            Source::Numbers(numbers) if numbers.iter().all(|x| *x == 0.0) => Some(0.0),
+            Source::Numbers(_) | Source::Callable { .. } => None,
+        }
+    }
+}
