@@ -126,7 +126,7 @@ pub enum UntouchableShape {
     /// The rims of a cylinder touch planes.
     #[error("the rims of a cylinder touch half-spaces only; a box, capsule or sphere touches any surface")]
     Curved,
-    /// A shape that is fixed in the world, or in the body that carries the surface.
+    /// A shape that is fixed in the world.
     #[error("it is fixed in the world, which does not move against the surface")]
     World,
     /// A link without a shape for collisions.

@@ -40,7 +40,8 @@ impl<F: TreeForces, D: JointDrive> TreeInContact<'_, F, D> {
     /// A pose at rest near the positions `q`, under the forces at time `t`. Nothing is said about its stability.
     ///
     /// Where there is none, or none that friction holds, the best found is returned and [`is_held`](Standing::is_held) is
-    /// false. Errors: positions that do not fit the tree.
+    /// false. Of the ways in which several contacts may divide the load one is tried, so that near the angle of friction a pose
+    /// may be held where it says no; a run from there settles in it. Errors: positions that do not fit the tree.
     pub fn standing(&self, t: f64, q: &[f64]) -> Result<Standing, ContactError> {
         let n = self.model().n_velocities();
         let rest = vec![0.0; n];

@@ -719,7 +719,8 @@ impl TreeContacts {
     /// stretches : ndarray, shape (contacts, 3)
     ///     Stretches of friction that hold it, m.
     /// success : bool
-    ///     Whether it is at rest to rounding, and friction holds it.
+    ///     Whether it is at rest to rounding, and friction holds it. Of the ways in which several contacts may divide the load one
+    ///     is tried: near the angle of friction others may hold it.
     ///
     /// Examples
     /// --------
