@@ -26,7 +26,7 @@ use somersault::multibody::{self, Split};
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// One number for each degree of freedom, given as such or by a callable ``f(t, q, v)``.
-struct Given {
+pub(crate) struct Given {
     source: Source,
     failure: Failure,
     calls: AtomicU64,
@@ -38,7 +38,7 @@ enum Source {
 }
 
 impl Given {
-    fn extract(
+    pub(crate) fn extract(
         argument: &str,
         n: usize,
         value: Option<&Bound<'_, PyAny>>,
@@ -54,7 +54,7 @@ impl Given {
         Ok(Self { source, failure: failure.clone(), calls: AtomicU64::new(0) })
     }
 
-    fn is_callable(&self) -> bool {
+    pub(crate) fn is_callable(&self) -> bool {
         matches!(self.source, Source::Callable { .. })
     }
 
