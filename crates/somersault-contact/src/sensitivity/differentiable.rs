@@ -43,6 +43,7 @@ pub struct Collected<Q: Configuration> {
 /// [`vary`](Self::vary), of each contact [`change`](Self::change) and [`press`](Self::press), and
 /// [`acceleration_change`](Self::acceleration_change). A
 /// [`BodyInContact`](crate::contacts::BodyInContact) and a [`TreeInContact`](crate::tree::TreeInContact) are.
+#[expect(clippy::ptr_arg, reason = "a mode of `Hybrid` is a vector")]
 pub trait Differentiable: Encounters<<Self as Differentiable>::Moved> {
     /// What moves.
     type Moved: Configuration;

@@ -276,7 +276,7 @@ fn the_derivative_of_a_tree_of_one_body_is_that_of_the_body() {
         assert!(worst < 1e-8, "{i}, by the state: {worst:e}");
         for k in 0..2 {
             let expected = last * of_body.parameters.column(k);
-            let worst = (found.parameters.column(k) - &expected).amax() / expected.amax();
+            let worst = (found.parameters.column(k) - expected).amax() / expected.amax();
             assert!(worst < 1e-8, "{i}, by parameter {k}: {worst:e}");
         }
         let times = found.event_times.columns(0, 12) * dense(first);
@@ -356,7 +356,7 @@ fn a_tree_that_grazes_has_no_derivative() {
     let system = TreeInContact::try_new(TreeSystem::new(&model, ()), vec![tip, lid], vec![]).unwrap();
     let grid = TimeGrid::try_new(0.0, 0.6, 1e-3).unwrap();
     for (above, side) in [(1e-9, Side::Touching), (-1e-9, Side::Missing)] {
-        let speed = (2.0 * 9.81 * (0.5 + above) as f64).sqrt();
+        let speed = f64::sqrt(2.0 * 9.81 * (0.5 + above));
         let start = model.state(&[0.5], &[speed]).unwrap();
         let by = Differentiation::default();
         let refused = SensitivityRun::new(&system, &by, Method::Rkmk8, grid).from(&start).unwrap_err();
