@@ -125,6 +125,16 @@ multibody.integrate_tree(
     graze=1e-6,
     max_substeps=100,
 )
+contact.differentiate_tree(
+    leg.model,
+    leg.q,
+    leg.v,
+    (0.0, 0.01),
+    dt=1e-3,
+    contacts=[foot, knees],
+    torque=np.zeros(5),
+    parameters=[("law.stiffness", 0), ("torque", 4)],
+)
 contact.differentiate(
     body, state, (0.0, 0.05), dt=1e-3, contacts=[touch], parameters=["mass", ("law.stiffness", 0)]
 )

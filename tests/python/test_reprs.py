@@ -71,6 +71,11 @@ def swing() -> multibody.TreeSolution:
     return multibody.integrate_tree(ARM, [0.1, 0.2], [1.0, 0.0], (0.0, 0.1), dt=0.01, dense_output=True)
 
 
+def slope_of_a_hop() -> contact.TreeSensitivities:
+    leg = contact.hopping_leg()
+    return contact.differentiate_tree(leg.model, leg.q, leg.v, (0.0, 0.01), dt=1e-3, contacts=leg.contacts)
+
+
 @cache
 def hop() -> multibody.TreeSolution:
     leg = contact.hopping_leg()
@@ -234,6 +239,7 @@ MADE: dict[str, Callable[[], Any]] = {
     "LinkPair": lambda: contact.LinkPair("p" * 90, ("a", "b"), (1 / 3, 2 / 3), LAW),
     "TreeContacts": lambda: contact.TreeContacts(contact.hopping_leg().model, contact.hopping_leg().contacts),
     "Sensitivities": lambda: contact.differentiate(BODY, STATE, (0.0, 0.01), dt=1e-3, contacts=[touch()]),
+    "TreeSensitivities": slope_of_a_hop,
     # trees
     "Diver": lambda: DIVER,
     "Geometry": lambda: robot().geometry[0],

@@ -40,6 +40,45 @@ def test_a_leg_hops_as_the_reference_does() -> None:
     assert angles == pytest.approx([-1.4596027138, 0.5776539853, -0.7019944517], abs=1e-8)
 
 
+def test_derivatives_of_a_hop_are_differences_of_hops() -> None:
+    leg = contact.hopping_leg()
+    given: dict[str, Any] = {"dt": 5e-4, "method": "rkmk8", "contacts": leg.contacts}
+    by = [("friction.coefficient", "foot"), ("torque", 4)]
+    found = contact.differentiate_tree(
+        leg.model, leg.q, leg.v, (0.0, 0.2), torque=leg.torque, parameters=by, **given
+    )
+    assert [event.kind for event in found.events] == ["touch_down", "stick", "slip", "release"]
+    assert found.event_times.shape == (4, 12) and found.by_parameters.shape == (10, 2)
+
+    def end(k: int, by: float) -> Array:
+        q, v, knee = np.array(leg.q), np.array(leg.v), np.zeros(5)
+        if k < 5:
+            q = leg.model.displace(q, by * np.eye(5)[k])
+        elif k < 10:
+            v[k - 5] += by
+        else:
+            knee[4] = by
+        motion = multibody.integrate_tree(
+            leg.model, q, v, (0.0, 0.2), torque=lambda t, q, v: leg.torque(t, q, v) + knee, **given
+        )
+        return np.concatenate([motion.q[-1], motion.v[-1]])
+
+    def motions(change: Array) -> Array:
+        # Velocities along the axes of the body, as `displace` has them, from places in the world.
+        s, c = np.sin(found.q[2]), np.cos(found.q[2])
+        return np.concatenate([np.array([[c, s], [-s, c]]) @ change[:2], change[2:]])
+
+    for k, column in ((1, found.by_state[:, 1]), (7, found.by_state[:, 7]), (10, found.by_parameters[:, 1])):
+        difference = motions(end(k, 1e-6) - end(k, -1e-6)) / 2e-6
+        assert column == pytest.approx(difference, rel=1e-5, abs=1e-5)
+    again = pickle.loads(pickle.dumps(found))
+    np.testing.assert_array_equal(again.by_state, found.by_state)
+    with pytest.raises(somersault.InputError, match="`parameters` must hold"):
+        contact.differentiate_tree(leg.model, leg.q, leg.v, (0.0, 0.1), parameters=["mass"], **given)  # type: ignore[list-item]
+    with pytest.raises(somersault.InputError, match="must name what this tree has"):
+        contact.differentiate_tree(leg.model, leg.q, leg.v, (0.0, 0.1), parameters=[("torque", 5)], **given)
+
+
 def test_what_contacts_do_is_consistent() -> None:
     motion, leg = hop(), contact.hopping_leg()
     forces, gaps = motion.contact_forces, motion.gaps

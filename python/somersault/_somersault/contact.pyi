@@ -31,9 +31,11 @@ __all__ = [
     "Surface",
     "SurfaceFunction",
     "TreeContacts",
+    "TreeSensitivities",
     "bouncing_ball",
     "damping_ratio",
     "differentiate",
+    "differentiate_tree",
     "falling_box",
     "hopping_leg",
     "link_contacts",
@@ -410,6 +412,47 @@ def differentiate(
     grazing: float = 1.5e-8,
     max_event_rate: float = 1e9,
 ) -> Sensitivities: ...
+
+@final
+class TreeSensitivities:
+    @property
+    def t(self) -> float: ...
+    @property
+    def q(self) -> _Floats: ...
+    @property
+    def v(self) -> _Floats: ...
+    @property
+    def events(self) -> list[LinkEvent]: ...
+    @property
+    def by_state(self) -> _Floats: ...
+    @property
+    def by_parameters(self) -> _Floats: ...
+    @property
+    def event_times(self) -> _Floats: ...
+    @property
+    def stretches(self) -> _Floats: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+def differentiate_tree(
+    model: Model,
+    q: ArrayLike,
+    v: ArrayLike,
+    interval: tuple[float, float] | Sequence[float],
+    *,
+    dt: float | None = None,
+    contacts: LinkContact | LinkPair | Sequence[LinkContact | LinkPair],
+    method: _AnyMethod | None = None,
+    torque: ArrayLike | Callable[[float, _Floats, _Floats], ArrayLike] | None = None,
+    parameters: Sequence[tuple[str, int | str]] | None = None,
+    rtol: float | None = None,
+    atol: float | None = None,
+    max_step: float | None = None,
+    first_step: float | None = None,
+    max_steps: int | None = None,
+    stretches: Literal["loaded"] | ArrayLike | None = None,
+    grazing: float = 1.5e-8,
+    max_event_rate: float = 1e9,
+) -> TreeSensitivities: ...
 def bouncing_ball(
     mass: float, radius: float, law: CompliantLaw, height: float, velocity: float = 0.0
 ) -> ContactSystem: ...

@@ -7,12 +7,13 @@ use super::outcome::{Sensitivities, SensitivityError};
 use super::parameter::Parameter;
 use crate::contacts::BodyInContact;
 use crate::encounters;
+use crate::event::EventKind;
 use crate::laws::{ContactMode, Encounter};
 use crate::stretches::WithStretches;
 use crate::surface::SurfaceFault;
 use nalgebra::{Dyn, OMatrix, SMatrix, SVector, U12, Vector3};
-use somersault_integrators::augmented::AugmentedRate;
-use somersault_integrators::events::{Energy, Guard, Hybrid, Sweep};
+use somersault_integrators::augmented::{Augmented, AugmentedRate};
+use somersault_integrators::events::{Energy, Event, Guard, Hybrid, Located, Sweep};
 use somersault_integrators::force::{ForceModel, Wrench};
 use somersault_integrators::state::{Pose, Rate, RigidBodyState, State, Twist};
 use somersault_integrators::system::{Fault, System, world_acceleration};
@@ -35,6 +36,25 @@ pub struct BodyRoom {
 /// The state of the body, without its stretches.
 fn state<F: ForceModel>((q, p): At<'_, BodyInContact<F>>) -> RigidBodyState {
     State { configuration: q.0, rate: p.base }
+}
+
+/// The run of the body alone.
+fn without_stretches(run: Located<Augmented<Pose>, EventKind>) -> Located<Pose, EventKind> {
+    let event = |event: Event<Augmented<Pose>, EventKind>| {
+        let Event { t, guard, kind, impulse, state } = event;
+        Event { t, guard, kind, impulse, state: state.base() }
+    };
+    Located {
+        t: run.t,
+        state: run.state.base(),
+        status: run.status,
+        steps: run.steps,
+        rejected: run.rejected,
+        trials: run.trials,
+        substeps: run.substeps,
+        event_count: run.event_count,
+        events: run.events.into_iter().map(event).collect(),
+    }
 }
 
 impl<F: ForceModel> Differentiable for BodyInContact<F> {
@@ -168,10 +188,11 @@ impl<F: ForceModel> Differentiable for BodyInContact<F> {
     }
 
     fn collect(&self, collected: Collected<Pose>) -> Sensitivities {
-        let Collected { run, columns, event_times, stretches } = collected;
+        let Collected { run, columns, event_times } = collected;
+        let stretches = run.state.rate.variables.clone();
         let columns: Vec<SVector<f64, 12>> = columns.iter().map(Tangent::components).collect();
         Sensitivities {
-            run,
+            run: without_stretches(run),
             state: SMatrix::from_fn(|row, column| columns[column][row]),
             parameters: OMatrix::<f64, U12, Dyn>::from_fn(columns.len() - 12, |row, p| columns[12 + p][row]),
             event_times,

@@ -4,6 +4,7 @@ use super::differentiable::{Collected, Differentiable, VariedOf};
 use super::system::EventTime;
 use crate::event::EventKind;
 use nalgebra::DMatrix;
+use somersault_integrators::augmented::Augmented;
 use somersault_integrators::events::{Event, Located};
 use somersault_integrators::variation::Tangent;
 
@@ -22,9 +23,9 @@ pub(super) fn collect<S: Differentiable>(
         .collect();
     let event = |event: Event<VariedOf<S>, EventKind>| {
         let Event { t, guard, kind, impulse, state } = event;
-        Event { t, guard, kind, impulse, state: state.base().base() }
+        Event { t, guard, kind, impulse, state: state.base() }
     };
-    let events: Vec<Event<S::Moved, EventKind>> = run.events.into_iter().map(event).collect();
+    let events: Vec<Event<Augmented<S::Moved>, EventKind>> = run.events.into_iter().map(event).collect();
     let mut event_times = DMatrix::from_element(events.len(), columns.len(), f64::NAN);
     let mut rest = times;
     for (event, mut row) in events.iter().zip(event_times.row_iter_mut()) {
@@ -37,7 +38,7 @@ pub(super) fn collect<S: Differentiable>(
     }
     let run_of = Located {
         t: run.t,
-        state: run.state.base().base(),
+        state: run.state.base(),
         status: run.status,
         steps: run.steps,
         rejected: run.rejected,
@@ -46,6 +47,5 @@ pub(super) fn collect<S: Differentiable>(
         event_count: run.event_count,
         events,
     };
-    let stretches = run.state.rate.base.variables.clone();
-    system.collect(Collected { run: run_of, columns, event_times, stretches })
+    system.collect(Collected { run: run_of, columns, event_times })
 }

@@ -6,7 +6,7 @@ use crate::encounters::Encounters;
 use crate::event::EventKind;
 use crate::laws::{ContactMode, Encounter};
 use crate::surface::SurfaceFault;
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::DMatrix;
 use somersault_integrators::augmented::{Augmented, AugmentedRate};
 use somersault_integrators::events::{Energy, Guard, Located, Sweep};
 use somersault_integrators::force::Wrench;
@@ -28,14 +28,12 @@ pub type VariedOf<S> =
 /// What a differentiated run leaves, the columns one after the other.
 #[derive(Debug, Clone)]
 pub struct Collected<Q: Configuration> {
-    /// The run.
-    pub run: Located<Q, EventKind>,
+    /// The run, with the stretches of its contacts.
+    pub run: Located<Augmented<Q>, EventKind>,
     /// The columns at its end.
     pub columns: Vec<Tangent<Q::Rate>>,
     /// Derivatives of the times of its events, one row for each.
     pub event_times: DMatrix<f64>,
-    /// Stretches at its end, m.
-    pub stretches: Vec<Vector3<f64>>,
 }
 
 /// Something in contact whose motion can be differentiated: its equations and its contacts in a state, and their changes along
@@ -45,6 +43,7 @@ pub struct Collected<Q: Configuration> {
 /// [`vary`](Self::vary), of each contact [`change`](Self::change) and [`press`](Self::press), and
 /// [`acceleration_change`](Self::acceleration_change). A
 /// [`BodyInContact`](crate::contacts::BodyInContact) and a [`TreeInContact`](crate::tree::TreeInContact) are.
+#[expect(clippy::ptr_arg, reason = "a mode of `Hybrid` is a vector")]
 pub trait Differentiable: Encounters<<Self as Differentiable>::Moved> {
     /// What moves.
     type Moved: Configuration;

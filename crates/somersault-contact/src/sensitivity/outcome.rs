@@ -5,6 +5,7 @@ use crate::error::ContactError;
 use crate::event::EventKind;
 use crate::surface::SurfaceFault;
 use nalgebra::{DMatrix, Dyn, OMatrix, SMatrix, U12, Vector3};
+use somersault_integrators::augmented::Augmented;
 use somersault_integrators::events::{Interruption, Located};
 use somersault_integrators::state::Pose;
 use somersault_multibody::motion::Coordinates;
@@ -37,15 +38,13 @@ pub struct Sensitivities {
 #[derive(Debug, Clone)]
 pub struct TreeSensitivities {
     /// The run, as a [`Run`](somersault_integrators::run::Run) that locates events leaves it without sensitivities.
-    pub run: Located<Coordinates, EventKind>,
+    pub run: Located<Augmented<Coordinates>, EventKind>,
     /// Derivative of the state reached, at a fixed time, with respect to the initial state, 2 n × 2 n.
     pub state: DMatrix<f64>,
     /// Derivative of the state reached, at a fixed time, with respect to the parameters, one column each.
     pub parameters: DMatrix<f64>,
     /// Derivative of the times of the events, as of [`Sensitivities::event_times`].
     pub event_times: DMatrix<f64>,
-    /// Stretches of the contacts' friction in the state reached, m.
-    pub stretches: Vec<Vector3<f64>>,
 }
 
 /// Why a derivative cannot be had.

@@ -171,10 +171,11 @@ impl<F: TreeForces> Differentiable for TreeInContact<'_, F> {
     }
 
     fn collect(&self, collected: Collected<Coordinates>) -> TreeSensitivities {
-        let Collected { run, columns, event_times, stretches } = collected;
+        let Collected { run, columns, event_times } = collected;
+        let end = run.state.base();
         let n = self.model().n_velocities();
         let column = |tangent: &Tangent<Rates>| {
-            let found = self.model().joint_tangent(&run.state, (&tangent.displacement, &tangent.rate));
+            let found = self.model().joint_tangent(&end, (&tangent.displacement, &tangent.rate));
             found.map_or_else(|_| vec![f64::NAN; 2 * n], |[way, change]| [way, change].concat())
         };
         let numbers: Vec<Vec<f64>> = columns.iter().map(column).collect();
@@ -185,7 +186,6 @@ impl<F: TreeForces> Differentiable for TreeInContact<'_, F> {
             state: of(0, 2 * n),
             parameters: of(2 * n, columns.len().saturating_sub(2 * n)),
             event_times,
-            stretches,
             run,
         }
     }

@@ -86,7 +86,7 @@ fn error_by_state<F: TreeForces>(
     grid: TimeGrid,
 ) -> f64 {
     let (model, n) = (system.model(), system.model().n_velocities());
-    let end = &found.run.state;
+    let end = &found.run.state.base();
     let of = |k: usize| {
         let unit = |i: usize| if i == k { 1.0 } else { 0.0 };
         let (way, change): (Vec<f64>, Vec<f64>) =
@@ -133,7 +133,7 @@ fn derivatives_of_a_bouncing_chain_are_differences_of_runs() {
     let found = differentiate(&system, &start, [of("stiffness"), of("damping")].concat(), grid);
     assert!(found.run.event_count > 6, "{}", found.run.event_count);
     // With columns or without, the motion is the same.
-    assert_eq!(found.run.state, reached(&system, &start, grid).0);
+    assert_eq!(found.run.state.base(), reached(&system, &start, grid).0);
     let worst = error_by_state(&system, &start, &found, grid);
     assert!(worst < 1e-7, "by the state: {worst:e}");
     for (k, step) in [(0, 2.0), (3, 2e-3)] {
@@ -142,7 +142,7 @@ fn derivatives_of_a_bouncing_chain_are_differences_of_runs() {
                 let moved = if k == 0 { law(2e4 + by, 8.0) } else { law(2e4, 8.0 + by) };
                 reached(&moved, &start, grid)
             });
-            between(&model, &found.run.state, &ends)
+            between(&model, &found.run.state.base(), &ends)
         };
         let all: DVector<f64> = (8 + k..11 + k).map(|k| column(&found, k)).sum();
         let worst = error(&all, &difference(step), &difference(0.5 * step), step);
@@ -201,7 +201,7 @@ fn derivatives_of_a_hopping_leg_are_differences_of_runs() {
     for (i, step) in [2.0, 1e-2, 2e-5, 2.0, 1e-4, 1e-4].into_iter().enumerate() {
         let difference = |step: f64| {
             let ends = [step, -step].map(|by| reached(&with(i, by), &start, grid));
-            between(&model, &found.run.state, &ends)
+            between(&model, &found.run.state.base(), &ends)
         };
         let worst = error(&column(&found, 10 + i), &difference(step), &difference(0.5 * step), step);
         assert!(worst < 1e-7, "by parameter {i}: {worst:e}");
@@ -276,7 +276,7 @@ fn the_derivative_of_a_tree_of_one_body_is_that_of_the_body() {
         assert!(worst < 1e-8, "{i}, by the state: {worst:e}");
         for k in 0..2 {
             let expected = last * of_body.parameters.column(k);
-            let worst = (found.parameters.column(k) - &expected).amax() / expected.amax();
+            let worst = (found.parameters.column(k) - expected).amax() / expected.amax();
             assert!(worst < 1e-8, "{i}, by parameter {k}: {worst:e}");
         }
         let times = found.event_times.columns(0, 12) * dense(first);
@@ -356,7 +356,7 @@ fn a_tree_that_grazes_has_no_derivative() {
     let system = TreeInContact::try_new(TreeSystem::new(&model, ()), vec![tip, lid], vec![]).unwrap();
     let grid = TimeGrid::try_new(0.0, 0.6, 1e-3).unwrap();
     for (above, side) in [(1e-9, Side::Touching), (-1e-9, Side::Missing)] {
-        let speed = (2.0 * 9.81 * (0.5 + above) as f64).sqrt();
+        let speed = f64::sqrt(2.0 * 9.81 * (0.5 + above));
         let start = model.state(&[0.5], &[speed]).unwrap();
         let by = Differentiation::default();
         let refused = SensitivityRun::new(&system, &by, Method::Rkmk8, grid).from(&start).unwrap_err();

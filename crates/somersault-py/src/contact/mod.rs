@@ -7,6 +7,7 @@ pub(crate) mod sensitivity;
 pub(crate) mod surface;
 pub(crate) mod system;
 pub(crate) mod tree;
+pub(crate) mod tree_sensitivity;
 
 /// Compliant contact, its events and its derivatives.
 #[pyo3::pymodule(name = "contact", module = "somersault._somersault", submodule)]
@@ -31,6 +32,8 @@ pub(crate) mod module {
     };
     #[pymodule_export]
     use crate::contact::tree::{HoppingLeg, LinkContact, LinkEvent, LinkPair, TreeContacts, hopping_leg};
+    #[pymodule_export]
+    use crate::contact::tree_sensitivity::{TreeSensitivities, differentiate_tree};
     #[pymodule_export]
     use crate::integrators::event::Event;
 

@@ -107,7 +107,7 @@ impl Sensitivities {
     }
 }
 
-fn matrix(py: Python<'_>, matrix: &DMatrix<f64>) -> PyResult<Py<PyArrayDyn<f64>>> {
+pub(crate) fn matrix(py: Python<'_>, matrix: &DMatrix<f64>) -> PyResult<Py<PyArrayDyn<f64>>> {
     let mut values = vec![0.0; matrix.len()];
     write(matrix, &mut values);
     Ok(array(py, values, &[matrix.nrows(), matrix.ncols()])?.unbind())

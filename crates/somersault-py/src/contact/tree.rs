@@ -332,7 +332,8 @@ impl TreeTouches {
         })
     }
 
-    fn event<F: TreeForces, D: JointDrive>(
+    /// An event, with what its contact did.
+    pub(crate) fn event<F: TreeForces, D: JointDrive>(
         py: Python<'_>,
         system: &TreeInContact<'_, F, D>,
         event: &events::Event<Augmented<Coordinates>, EventKind>,
