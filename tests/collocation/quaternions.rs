@@ -238,8 +238,6 @@ impl Dynamics for Body {
 #[test]
 fn the_fastest_half_turn_is_that_of_bilimoria_and_wie_whatever_the_sign_or_the_time() {
     let exact = 3.24308327745233;
-    let found = fastest(turning(Cost::Time), [0.0, 0.0, 1.0, 0.0], 0.0, 1e-5);
-    assert!((found.cost - exact).abs() < 1e-7, "{}", found.cost - exact);
     let found = fastest(turning(Cost::Time), [0.0, 0.0, 1.0, 0.0], 0.0, 1e-4);
     assert!((found.cost - exact).abs() < 1e-6, "{}", found.cost - exact);
     let other = fastest(turning(Cost::Time), [0.0, 0.0, -1.0, 0.0], 0.0, 1e-4);
