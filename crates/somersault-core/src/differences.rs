@@ -218,7 +218,7 @@ pub struct Contradiction {
 
 impl Slopes {
     /// Slopes to both sides, since the function may have a kink there; none where it has no value. What a step of half the length
-    /// changes is allowed for, and the error of the values.
+    /// changes is allowed for, and the error of the values, which is relative to what they are sums of: those may cancel.
     pub fn try_of<E>(
         at: &[f64],
         sizes: &[f64],
@@ -238,6 +238,13 @@ impl Slopes {
         }
         let found = points.evaluated(m, values)?;
         let (value, moved) = found.split_at(m);
+        // a value, or what an argument contributes to it
+        let mut terms: Vec<f64> = value.iter().map(|y| y.abs()).collect();
+        for row in moved.chunks_exact(m.max(1)) {
+            for (i, term) in terms.iter_mut().enumerate() {
+                *term = term.max((row[i] - value[i]).abs() / part);
+            }
+        }
         let mut slopes = Self { least: vec![0.0; m * n], largest: vec![0.0; m * n], n };
         for j in 0..n {
             let h = full[j];
@@ -247,7 +254,7 @@ impl Slopes {
                 let (right, left) = (slope(0, h), slope(1, -h));
                 let (near_right, near_left) = (slope(2, 0.5 * h), slope(3, -0.5 * h));
                 let truncation = ((right + left) - (near_right + near_left)).abs();
-                let slack = truncation + rounding * value[i].abs() / (0.5 * h);
+                let slack = truncation + rounding * terms[i] / (0.5 * h);
                 slopes.least[i * n + j] = right.min(left) - slack;
                 slopes.largest[i * n + j] = right.max(left) + slack;
             }
@@ -326,6 +333,28 @@ mod tests {
         for k in 0..4 {
             assert!((exact[k] - second[k]).abs() < 1e-6, "{} {}", exact[k], second[k]);
             assert!((exact[k] - of_slopes[k]).abs() < 1e-9, "{} {}", exact[k], of_slopes[k]);
+        }
+    }
+
+    #[test]
+    fn rounding_of_terms_that_cancel_is_no_contradiction() {
+        // x does not act, but moves the digits of what it is added to and taken from
+        let mut values = |points: &[f64], out: &mut [f64]| -> Result<(), ()> {
+            let all = points.chunks_exact(2).zip(out);
+            all.for_each(|(point, y)| *y = ((1e3 * point[1] + point[0]) - 1e3) - point[0]);
+            Ok(())
+        };
+        for x in 1..200 {
+            let slopes = Slopes::try_of(
+                &[0.01 * f64::from(x), 1.0],
+                &[1.0; 2],
+                1,
+                Differences::OF_ROUNDED,
+                &mut values,
+            );
+            let slopes = slopes.unwrap().unwrap();
+            assert_eq!(slopes.contradicted(&[0.0, 1e3]), None, "{x}");
+            assert!(slopes.contradicted(&[0.1, 1e3]).is_some());
         }
     }
 
