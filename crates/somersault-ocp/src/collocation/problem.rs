@@ -14,7 +14,7 @@ use super::guess::Guess;
 use super::interval::{Interval, NO_BOUND};
 use super::linkage::{End, Linkage, Place, Quantity};
 use super::objective::Objective;
-use super::quaternions::{self, AtUnitQuaternions, EndRow, WithEndRows};
+use super::quaternions::{self, AtUnitQuaternions, EndRow, EndRows};
 use super::shared::Shared;
 use super::stacked::Stacked;
 use super::traced::TracedFunction;
@@ -483,7 +483,11 @@ impl Phase {
             self.path.map(|function| Box::new(AtUnitQuaternions::new(function, sizes.point(), at_point)));
         self.ends = self.ends.map(|function| {
             let own = Box::new(AtUnitQuaternions::new(function, sizes.ends(), at_ends));
-            Box::new(WithEndRows::new(own, sizes.ends(), rows))
+            let states = (0..2 * sizes.states).collect();
+            Box::new(Stacked::new(vec![
+                (own, (0..sizes.ends()).collect()),
+                (Box::new(EndRows(rows)), states),
+            ]))
         });
         self
     }

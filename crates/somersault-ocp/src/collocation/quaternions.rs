@@ -379,34 +379,16 @@ impl VectorFunction for AtUnitQuaternions {
     }
 }
 
-/// Costs and constraints of the ends, with rows of quaternions after them.
-pub(super) struct WithEndRows {
-    function: Box<dyn VectorFunction>,
-    rows: Vec<EndRow>,
-    jacobian: DMatrix<f64>,
-}
+/// Rows of quaternions over the arguments of end constraints.
+pub(super) struct EndRows(pub(super) Vec<EndRow>);
 
-impl WithEndRows {
-    pub(super) fn new(function: Box<dyn VectorFunction>, n_arguments: usize, rows: Vec<EndRow>) -> Self {
-        let jacobian = DMatrix::zeros(function.n_outputs(), n_arguments);
-        Self { function, rows, jacobian }
-    }
-
-    fn n_own(&self) -> usize {
-        self.jacobian.nrows()
-    }
-}
-
-#[deny(clippy::missing_trait_methods)]
-impl VectorFunction for WithEndRows {
+impl VectorFunction for EndRows {
     fn n_outputs(&self) -> usize {
-        self.n_own() + self.rows.len()
+        self.0.len()
     }
 
     fn evaluate(&mut self, arguments: &[f64], values: &mut [f64]) -> Result<(), EvaluationError> {
-        let (own, rest) = values.split_at_mut(self.jacobian.nrows());
-        self.function.evaluate(arguments, own)?;
-        for (value, row) in rest.iter_mut().zip(&self.rows) {
+        for (value, row) in values.iter_mut().zip(&self.0) {
             *value = match row {
                 EndRow::Product { first, by } => {
                     by.iter().zip(block(*first, arguments)).map(|(by, x)| by * x).sum()
@@ -418,15 +400,12 @@ impl VectorFunction for WithEndRows {
     }
 
     fn jacobian(&mut self, arguments: &[f64], jacobian: &mut DMatrix<f64>) -> Result<(), EvaluationError> {
-        let n = self.n_own();
-        self.function.jacobian(arguments, &mut self.jacobian)?;
         jacobian.fill(0.0);
-        jacobian.rows_mut(0, n).copy_from(&self.jacobian);
-        for (i, row) in self.rows.iter().enumerate() {
+        for (i, row) in self.0.iter().enumerate() {
             for k in 0..WIDTH {
                 match row {
-                    EndRow::Product { first, by } => jacobian[(n + i, first + k)] = by[k],
-                    EndRow::Norm { first } => jacobian[(n + i, first + k)] = 2.0 * arguments[first + k],
+                    EndRow::Product { first, by } => jacobian[(i, first + k)] = by[k],
+                    EndRow::Norm { first } => jacobian[(i, first + k)] = 2.0 * arguments[first + k],
                 }
             }
         }
@@ -435,12 +414,11 @@ impl VectorFunction for WithEndRows {
 
     fn add_hessian(
         &mut self,
-        arguments: &[f64],
+        _arguments: &[f64],
         weights: &[f64],
         hessian: &mut DMatrix<f64>,
     ) -> Result<(), EvaluationError> {
-        let (own, rest) = weights.split_at(self.n_own());
-        for (row, weight) in self.rows.iter().zip(rest) {
+        for (row, weight) in self.0.iter().zip(weights) {
             match row {
                 EndRow::Product { .. } => {}
                 EndRow::Norm { first } => {
@@ -448,28 +426,6 @@ impl VectorFunction for WithEndRows {
                 }
             }
         }
-        self.function.add_hessian(arguments, own, hessian)
-    }
-
-    fn set_sizes(&mut self, arguments: &[f64], sizes: &[f64]) -> Result<(), EvaluationError> {
-        self.function.set_sizes(arguments, sizes)
-    }
-
-    fn relative_errors(&self) -> RelativeErrors {
-        self.function.relative_errors()
-    }
-
-    fn brings_derivatives(&self) -> bool {
-        self.function.brings_derivatives()
-    }
-
-    fn wrong_derivative(
-        &mut self,
-        arguments: &[f64],
-        sizes: &[f64],
-        labels: &Labels,
-    ) -> Result<Option<WrongDerivative>, EvaluationError> {
-        let outputs = labels.outputs.iter().take(self.n_own()).cloned().collect();
-        self.function.wrong_derivative(arguments, sizes, &Labels { outputs, ..labels.clone() })
+        Ok(())
     }
 }
