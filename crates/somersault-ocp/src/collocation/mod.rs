@@ -115,7 +115,7 @@ pub use sensitivity::{PhaseDerivative, SolutionDerivative, SolutionSensitivity};
 pub(crate) use shared::Shared;
 pub use solution::{PhaseRows, PhaseSolution};
 pub use solve::{Collocation, CollocationReport, CollocationStatus, MeshRecord, SearchError};
-pub(crate) use solve::{NO_MOTION, USABLE, is_ended};
+pub(crate) use solve::{NO_MOTION, Origin, USABLE, is_ended};
 pub use stacked::Stacked;
 pub use starts::{distinct, ranked};
 pub use traced::TracedFunction;

@@ -50,7 +50,7 @@ impl CollocationReport {
         &self,
         problem: &'p mut Problem,
     ) -> Result<SolutionSensitivity<'p>, CollocationError> {
-        let meshes: Vec<Mesh> = self.phases.iter().map(|phase| phase.mesh().clone()).collect();
+        let meshes = self.meshes();
         let mut transcription = Transcription::with_fixed(problem, &meshes)?;
         let Start { z, constraint_multipliers, .. } = transcription.repeated(&self.phases, &self.program)?;
         let (found, expected) = (constraint_multipliers.len(), transcription.row_scales.len());

@@ -136,6 +136,11 @@ pub struct CollocationReport {
 }
 
 impl CollocationReport {
+    /// The last mesh of each phase.
+    pub(crate) fn meshes(&self) -> Vec<Mesh> {
+        self.phases.iter().map(|phase| phase.mesh().clone()).collect()
+    }
+
     /// Whether the search ended where a wrong derivative would have it end.
     fn is_suspect(&self) -> bool {
         match self.status {
@@ -184,7 +189,7 @@ impl<E: Into<CollocationError>> From<E> for SearchError {
 
 /// Where a search begins.
 #[derive(Clone, Copy)]
-enum Origin<'a> {
+pub(crate) enum Origin<'a> {
     /// At the guesses of the phases.
     Phases,
     /// At other guesses.
@@ -233,7 +238,8 @@ impl<S: NlpSolver> Collocation<S> {
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
         token: &CancellationToken,
     ) -> Result<CollocationReport, SearchError> {
-        self.solve_from(problem, meshes, Origin::Phases, on_iteration, token)
+        let mut left = self.max_evaluations;
+        self.solve_within(problem, meshes, Origin::Phases, on_iteration, token, &mut left)
     }
 
     /// The same from where a like problem was solved, another initial state or another parameter apart: on the meshes of that
@@ -245,8 +251,15 @@ impl<S: NlpSolver> Collocation<S> {
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
         token: &CancellationToken,
     ) -> Result<CollocationReport, SearchError> {
-        let meshes: Vec<Mesh> = solution.phases.iter().map(|phase| phase.mesh().clone()).collect();
-        self.solve_from(problem, &meshes, Origin::Solution(solution), on_iteration, token)
+        let mut left = self.max_evaluations;
+        self.solve_within(
+            problem,
+            &solution.meshes(),
+            Origin::Solution(solution),
+            on_iteration,
+            token,
+            &mut left,
+        )
     }
 
     /// One search from the guesses of the phases, with what is left of the evaluations: where it finds no motion, no other start is
@@ -266,13 +279,15 @@ impl<S: NlpSolver> Collocation<S> {
         Ok(found)
     }
 
-    fn solve_from(
+    /// The same with what is left of the evaluations of a longer search.
+    pub(crate) fn solve_within(
         &self,
         problem: &mut Problem,
         meshes: &[Mesh],
         origin: Origin<'_>,
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
         token: &CancellationToken,
+        left: &mut Option<usize>,
     ) -> Result<CollocationReport, SearchError> {
         self.check()?;
         match problem.expect_derivatives() {
@@ -281,11 +296,10 @@ impl<S: NlpSolver> Collocation<S> {
             }
             expected => expected?,
         }
-        let mut left = self.max_evaluations;
-        let mut found = self.search(problem, meshes, origin, Vec::new(), on_iteration, token, &mut left)?;
+        let mut found = self.search(problem, meshes, origin, Vec::new(), on_iteration, token, left)?;
         if found.is_lost() {
             let mut starts = Vec::new();
-            let start = match self.feasible_start(problem, meshes, on_iteration, &mut starts, &mut left) {
+            let start = match self.feasible_start(problem, meshes, on_iteration, &mut starts, left) {
                 Err(
                     CollocationError::Solver(SolverError::Failed { source, .. })
                     | CollocationError::Evaluation(EvaluationError::Failed(source)),
@@ -299,7 +313,7 @@ impl<S: NlpSolver> Collocation<S> {
             if let Some(start) = start {
                 let history = found.history.into_iter().chain(starts).collect();
                 let origin = Origin::Guesses(&start);
-                found = self.search(problem, meshes, origin, history, on_iteration, token, &mut left)?;
+                found = self.search(problem, meshes, origin, history, on_iteration, token, left)?;
             } else {
                 starts.extend(found.history);
                 let status = ended.map_or(found.status, CollocationStatus::NotSolved);

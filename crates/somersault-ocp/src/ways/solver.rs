@@ -5,7 +5,7 @@ use super::splines::{SplineMotionReport, Splines};
 use crate::arcs::{Polish, Polished, Verdict};
 use crate::collocation::{
     Accuracy, Collocation, CollocationError, CollocationReport, CollocationStatus, Confirmation, Guess,
-    Interval, Mesh, MeshRecord, NO_MOTION, Phase, Problem, SearchError, USABLE, confirm_cancellable,
+    Interval, Mesh, MeshRecord, NO_MOTION, Origin, Phase, Problem, SearchError, USABLE, confirm_cancellable,
     is_ended,
 };
 use somersault_core::cancel::CancellationToken;
@@ -46,7 +46,7 @@ pub struct Solver {
     pub way: Way,
     /// Splines; the tolerance is that of the collocation.
     pub splines: Splines,
-    /// Collocation. Its evaluations are those of all ways together.
+    /// Collocation. Its evaluations are those of all programs together; equations of arcs may be evaluated as often again.
     pub collocation: Collocation,
 }
 
@@ -109,20 +109,15 @@ impl Solver {
         collocation: &Collocation,
         run: &mut Run<'_>,
     ) -> Result<CollocationReport, SearchError> {
-        let collocation = Collocation { max_evaluations: run.left, ..collocation.clone() };
-        match run.from {
-            StartFrom::Solution(solution) => {
-                collocation.solve_again(problem, solution, run.on_iteration, run.token)
-            }
-            StartFrom::Meshes(meshes) => {
-                collocation.solve_cancellable(problem, meshes, run.on_iteration, run.token)
-            }
+        let (meshes, origin) = match run.from {
+            StartFrom::Solution(solution) => (solution.meshes(), Origin::Solution(solution)),
+            StartFrom::Meshes(meshes) => (meshes.to_vec(), Origin::Phases),
             StartFrom::Guess => {
                 let mesh = Mesh::try_uniform(FIRST_MESH.0, FIRST_MESH.1)?;
-                let meshes = vec![mesh; problem.n_phases()];
-                collocation.solve_cancellable(problem, &meshes, run.on_iteration, run.token)
+                (vec![mesh; problem.n_phases()], Origin::Phases)
             }
-        }
+        };
+        collocation.solve_within(problem, &meshes, origin, run.on_iteration, run.token, &mut run.left)
     }
 
     /// Splines first where the phase is one of several driven joints and nothing says where to start.
@@ -280,22 +275,24 @@ impl Solver {
     /// Collocation that is coarse, then finer where no arcs were found, and polish.
     fn polish(&self, problem: &mut Problem, run: &mut Run<'_>) -> Result<Found, SearchError> {
         let mut found: Option<Found> = None;
+        let polish = Polish { max_evaluations: self.collocation.max_evaluations };
         for tolerance in COARSE {
+            let collocation = Collocation { tolerance, ..self.collocation.clone() };
             let report = match &found {
-                None => {
-                    let coarse = Collocation { tolerance, ..self.collocation.clone() };
-                    self.choose(problem, &coarse, run)?
-                }
-                Some(before) => {
-                    let finer =
-                        Collocation { tolerance, max_evaluations: run.left, ..self.collocation.clone() };
-                    finer.solve_again(problem, &before.report, run.on_iteration, run.token)?
+                None => self.choose(problem, &collocation, run)?,
+                Some(Found { report, .. }) => {
+                    let (meshes, origin) = (report.meshes(), Origin::Solution(report));
+                    collocation.solve_within(
+                        problem,
+                        &meshes,
+                        origin,
+                        run.on_iteration,
+                        run.token,
+                        &mut run.left,
+                    )?
                 }
             };
-            if let Some(left) = &mut run.left {
-                *left = left.saturating_sub(report.program.counts.evaluations);
-            }
-            let polished = Polish::default().polish_cancellable(problem, &report, run.token)?;
+            let polished = polish.polish_cancellable(problem, &report, run.token)?;
             let is_refused = matches!(polished.verdict, Verdict::Refused { .. });
             let is_final = match report.status {
                 CollocationStatus::NotSolved(status) => is_ended(status),
