@@ -384,13 +384,13 @@ class ControlProblem:
         >>> found.status, round(found.cost, 4)  # 3 − √5
         ('converged', 0.7639)
 
-        The three ways to a linear–quadratic optimum, of cost (1 + e⁻²)/(1 − e⁻²)/2:
+        A linear–quadratic optimum by three methods, of cost (1 + e⁻²)/(1 − e⁻²)/2:
 
         >>> problem = ocp.ControlProblem(
         ...     lambda x, u: [u.u], states=("x",), controls=("u",), initial=[1], final=[0],
         ...     running_cost=lambda x, u: 0.5 * (x.x**2 + u.u**2))
-        >>> ways = ("shooting", "collocation", "indirect")
-        >>> [round(problem.solve(method=way).cost, 6) for way in ways]
+        >>> methods = ("shooting", "collocation", "indirect")
+        >>> [round(problem.solve(method=method).cost, 6) for method in methods]
         [0.656518, 0.656518, 0.656518]
         """
         found = self._posed.solve(

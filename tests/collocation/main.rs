@@ -9,6 +9,6 @@ mod optima;
 mod quaternions;
 mod radau;
 mod sensitivity;
+mod solution_methods;
 mod starts;
 mod untraced;
-mod ways;

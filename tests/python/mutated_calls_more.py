@@ -98,8 +98,8 @@ knees = contact.LinkPair(
 feet = contact.TreeContacts(leg.model, [foot, knees])
 feet.forces(leg.q, leg.v, np.zeros((2, 3)))
 feet.energies(leg.q, leg.v, "loaded")
-feet.standing((0.0, 0.649, 0.0, 0.0, 0.0), np.zeros(5))
-feet.standing((0.0, 0.649, 0.0, 0.0, 0.0), lambda t, q, v: np.zeros(5))
+feet.equilibrium((0.0, 0.649, 0.0, 0.0, 0.0), np.zeros(5))
+feet.equilibrium((0.0, 0.649, 0.0, 0.0, 0.0), lambda t, q, v: np.zeros(5))
 contact.shape_contacts(
     "foot",
     "box",

@@ -111,7 +111,7 @@ def test_a_quadruped_stands_at_rest(slope: float) -> None:
 
     guess = np.concatenate([[0, 0, 0.405, 0, 0, 0, 1], legs])
     ground = contact.TreeContacts(dog.model, touches)
-    pose, stretches, success = ground.standing(guess, held)
+    pose, stretches, success = ground.equilibrium(guess, held)
     assert success
     forces = ground.forces(pose, np.zeros(14), stretches).sum(axis=0)
     assert forces == pytest.approx(-dog.model.mass * dog.model.gravity, abs=1e-8)
@@ -137,7 +137,7 @@ def test_what_the_torque_of_a_pose_raises_comes_out() -> None:
         raise RuntimeError("no torque here")
 
     with pytest.raises(RuntimeError, match="no torque here"):
-        feet.standing((0.0, 0.649, 0.0, 0.0, 0.0), broken)
+        feet.equilibrium((0.0, 0.649, 0.0, 0.0, 0.0), broken)
 
 
 @pytest.mark.parametrize(

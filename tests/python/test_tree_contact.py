@@ -175,14 +175,14 @@ def test_energy_is_dissipated_and_never_created() -> None:
 def test_a_pose_at_rest_stays() -> None:
     leg = contact.hopping_leg()
     feet = contact.TreeContacts(leg.model, leg.contacts)
-    q, stretches, success = feet.standing((0.0, 0.649, 0.0, 0.0, 0.0))
+    q, stretches, success = feet.equilibrium((0.0, 0.649, 0.0, 0.0, 0.0))
     assert success
     assert feet.forces(q, np.zeros(5), stretches)[0] == pytest.approx([0.0, 0.0, 6.5 * 9.81], abs=1e-8)
     still = multibody.integrate_tree(
         leg.model, q, np.zeros(5), (0.0, 0.01), dt=1e-3, contacts=leg.contacts, stretches=stretches
     )
     assert still.n_events == 0 and np.abs(still.q[-1] - q).max() < 1e-12
-    _, _, success = feet.standing((0.0, 1.0, 0.0, 0.0, 0.0))
+    _, _, success = feet.equilibrium((0.0, 1.0, 0.0, 0.0, 0.0))
     assert not success
 
 

@@ -10,7 +10,7 @@
 //! vector z, is a start and the parameters of the joint motion; a [`transcription`] makes nodes of it, a
 //! [`term`] makes numbers of a node, a [`problem`] costs and constraints of these, and the result is a nonlinear
 //! program ([`somersault_nlp`]) for a solver. Other than by shooting, motions are found by [`collocation`], whose
-//! solutions [`arcs`] makes exact and certifies; [`ways`] takes one problem to each of these. A [`swing_up`] is
+//! solutions [`arcs`] makes exact and certifies; [`solver`] poses one problem to each of these. A [`swing_up`] is
 //! the case study; dives, which have a flight and a search of their own, are a crate above.
 #![forbid(unsafe_code)]
 #![cfg_attr(
@@ -24,11 +24,11 @@ pub mod dynamics;
 mod error;
 pub mod problem;
 pub mod shooting;
+pub mod solver;
 pub mod swing_up;
 pub mod term;
 pub mod transcription;
 pub mod verification;
-pub mod ways;
 mod wrong_derivative;
 
 pub use error::{NoSplines, OcpError};

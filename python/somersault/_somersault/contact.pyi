@@ -299,7 +299,7 @@ class TreeContacts:
     def energies(
         self, q: ArrayLike, v: ArrayLike, stretches: Literal["loaded"] | ArrayLike | None = None
     ) -> tuple[float, float, float]: ...
-    def standing(
+    def equilibrium(
         self,
         q: ArrayLike,
         torque: ArrayLike | Callable[[float, _Floats, _Floats], ArrayLike] | None = None,

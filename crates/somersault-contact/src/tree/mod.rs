@@ -56,14 +56,14 @@
 //! ```
 
 mod contacts;
+mod equilibrium;
 mod geometry;
 mod report;
-mod standing;
 mod system;
 
 pub(crate) use contacts::frame;
 pub use contacts::{LinkContact, LinkPair, TreeContacts};
+pub use equilibrium::Equilibrium;
 pub use geometry::{GeometryContacts, LeftOut, geometry_contacts, shape_contacts};
-pub use report::{Ledger, Touch};
-pub use standing::Standing;
+pub use report::{ContactState, Ledger};
 pub use system::{TouchingRate, TouchingState, TreeInContact};

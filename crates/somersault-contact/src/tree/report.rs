@@ -8,7 +8,7 @@ use somersault_multibody::motion::{JointDrive, TreeForces};
 
 /// What a contact does in a state.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Touch {
+pub struct ContactState {
     /// The number of the contact.
     pub contact: usize,
     /// What it does.
@@ -53,14 +53,14 @@ impl Ledger {
 
 impl<F: TreeForces, D: JointDrive> TreeInContact<'_, F, D> {
     /// What every contact does in a state, each in the mode that the state has it in.
-    pub fn touches(&self, x: &TouchingState) -> Vec<Touch> {
+    pub fn touches(&self, x: &TouchingState) -> Vec<ContactState> {
         let of_all = self.seen((&x.configuration.0, &x.rate.base), |bodies| {
             let parts = self.contacts().parts().zip(&x.rate.variables).enumerate();
             let touch = parts.map(|(contact, (part, stretch))| {
                 let (at, law) = (self.contacts().meet(contact, &part, bodies).0, part.law());
                 let mode = law.mode(&at, stretch);
                 let effort = law.effort_in(&mode, &at, stretch);
-                Touch {
+                ContactState {
                     contact,
                     mode,
                     gap: at.gap,

@@ -112,7 +112,7 @@ fn a_pose_at_rest_stays_at_rest() {
     let contacts = vec![at("toe", "shank", down + along), at("heel", "shank", down - along)];
     let system = TreeInContact::try_new(TreeSystem::new(&model, springs), contacts, vec![]).unwrap();
     let guess = [0.0, 0.05 + 0.6 * 0.6f64.cos() - 2e-3, 0.0, hip, knee];
-    let standing = system.standing(0.0, &guess).unwrap();
+    let standing = system.equilibrium(0.0, &guess).unwrap();
     assert!(standing.is_held, "{standing:?}");
     let held: f64 = system.touches(&standing.state).iter().map(|touch| touch.force.z).sum();
     assert!((held - 6.5 * 9.81).abs() < 1e-9, "{held}");

@@ -193,7 +193,7 @@ fn moved(a: &TouchingState, b: &TouchingState) -> f64 {
 /// It stands where the Newton steps say, for a time.
 fn stands(scene: &Scene, time: f64) {
     let system = scene.system();
-    let standing = system.standing(0.0, &scene.guess).unwrap();
+    let standing = system.equilibrium(0.0, &scene.guess).unwrap();
     assert!(standing.is_held, "{} {:?}", standing.residual, system.touches(&standing.state));
     let (end, events) = run(&system, &standing.state, time);
     let distance = moved(&standing.state, &end);
@@ -229,7 +229,7 @@ fn drift(model: &Model, x: &TouchingState) -> Vector3<f64> {
 /// across the ground, whatever the legs do: Coulomb's law and the balance of momentum. The tree starts with a speed down the slope.
 fn slips(scene: &Scene, slope: f64, speed: f64) {
     let system = scene.system();
-    let standing = system.standing(0.0, &scene.guess).unwrap();
+    let standing = system.equilibrium(0.0, &scene.guess).unwrap();
     assert!(!standing.is_held, "{standing:?}");
     let mut v = vec![0.0; scene.model.n_velocities()];
     v[0] = -speed;

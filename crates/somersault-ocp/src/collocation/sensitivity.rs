@@ -4,7 +4,6 @@ use super::error::{CollocationError, expect_length};
 use super::guess::Guess;
 use super::layout::PhaseLayout;
 use super::linkage::{End, Place, Quantity};
-use super::mesh::Mesh;
 use super::problem::Problem;
 use super::solve::CollocationReport;
 use super::transcription::Transcription;

@@ -4,8 +4,8 @@ use super::confirmation::{Confirmation, confirm_cancellable};
 use super::error::CollocationError;
 use super::function::RelativeErrors;
 use super::guess::Guess;
+use super::limited::LimitedEvaluations;
 use super::mesh::Mesh;
-use super::metered::Metered;
 use super::optimality::{Accuracy, IntervalOptimality, optimality};
 use super::problem::Problem;
 use super::radau::MAX_POINTS;
@@ -516,7 +516,7 @@ impl<S: NlpSolver> Collocation<S> {
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
         left: &mut Option<usize>,
     ) -> Result<(Report, Option<Box<dyn Error + Send + Sync>>), CollocationError> {
-        match self.solver.solve(&mut Metered { nlp: transcription, left }, start, on_iteration) {
+        match self.solver.solve(&mut LimitedEvaluations { nlp: transcription, left }, start, on_iteration) {
             Ok(report) => Ok((report, None)),
             Err(SolverError::Failed { source, report }) => Ok((*report, Some(source))),
             Err(error) => Err(error.into()),

@@ -17,7 +17,7 @@ use pyo3::types::{PyTuple, PyType};
 use somersault::contact::event::EventKind;
 use somersault::contact::laws::ContactLaw;
 use somersault::contact::models;
-use somersault::contact::tree::{self, Touch, TouchingState, TreeInContact};
+use somersault::contact::tree::{self, ContactState, TouchingState, TreeInContact};
 use somersault::integrators::augmented::Augmented;
 use somersault::integrators::events;
 use somersault::integrators::nalgebra::Vector3;
@@ -312,8 +312,8 @@ impl TreeTouches {
         counts: (u64, u64, u64),
     ) -> Result<Self, Error> {
         let (n, count) = (states.len(), system.contacts().len());
-        let touches: Vec<Vec<Touch>> = states.iter().map(|x| system.touches(x)).collect();
-        let vectors = |of: fn(&Touch) -> Vector3<f64>| -> PyResult<Py<PyAny>> {
+        let touches: Vec<Vec<ContactState>> = states.iter().map(|x| system.touches(x)).collect();
+        let vectors = |of: fn(&ContactState) -> Vector3<f64>| -> PyResult<Py<PyAny>> {
             let numbers = touches.iter().flatten().flat_map(|touch| <[f64; 3]>::from(of(touch))).collect();
             Ok(array(py, numbers, &[n, count, 3])?.into_any().unbind())
         };
@@ -345,7 +345,7 @@ impl TreeTouches {
         let mut v = vec![0.0; model.n_velocities()];
         model.joint_velocities(&base, &mut v)?;
         let touches = system.touches(&event.state);
-        let of = |part: fn(&Touch) -> Vector3<f64>| {
+        let of = |part: fn(&ContactState) -> Vector3<f64>| {
             vector_array(py, &touches.get(i).map_or_else(Vector3::zeros, part)).unbind()
         };
         let numbers = |numbers: &[f64]| -> PyResult<Py<PyAny>> {
@@ -506,8 +506,8 @@ impl TreeContacts {
 
     fn vectors<'py>(
         py: Python<'py>,
-        touches: &[Touch],
-        of: impl Fn(&Touch) -> Vector3<f64>,
+        touches: &[ContactState],
+        of: impl Fn(&ContactState) -> Vector3<f64>,
     ) -> PyResult<Bound<'py, PyArrayDyn<f64>>> {
         let numbers = touches.iter().flat_map(|touch| <[f64; 3]>::from(of(touch))).collect();
         array(py, numbers, &[touches.len(), 3])
@@ -618,7 +618,7 @@ impl TreeContacts {
     ) -> Result<(Bound<'py, PyAny>, Bound<'py, PyAny>), Error> {
         self.with(py, (q, Some(v)), None, |system, x| {
             let touches = system.touches(x);
-            let numbers = |of: fn(&Touch) -> f64| -> PyResult<_> {
+            let numbers = |of: fn(&ContactState) -> f64| -> PyResult<_> {
                 Ok(array(py, touches.iter().map(of).collect(), &[touches.len()])?.into_any())
             };
             Ok((numbers(|touch| touch.gap)?, numbers(|touch| touch.rate)?))
@@ -730,11 +730,11 @@ impl TreeContacts {
     /// >>> from somersault import contact
     /// >>> leg = contact.hopping_leg()
     /// >>> feet = contact.TreeContacts(leg.model, leg.contacts)
-    /// >>> q, stretches, success = feet.standing((0, 0.649, 0, 0, 0))
+    /// >>> q, stretches, success = feet.equilibrium((0, 0.649, 0, 0, 0))
     /// >>> success, round(0.65 - float(q[1]), 5)
     /// (True, 0.00319)
     #[pyo3(signature = (q, torque=None))]
-    fn standing<'py>(
+    fn equilibrium<'py>(
         &self,
         py: Python<'py>,
         q: &Bound<'py, PyAny>,
@@ -745,11 +745,11 @@ impl TreeContacts {
         let q = finite_all("q", with_shape("q", &[model.n_positions()], q)?)?;
         let torque = Given::extract("torque", n, torque, &failure)?;
         let system = self.given.on(py, TreeSystem::new(model, &torque), &failure)?;
-        let found = system.standing(0.0, &q);
+        let found = system.equilibrium(0.0, &q);
         if let Some(error) = failure.get() {
             return Err(error.clone_ref(py).into());
         }
-        let tree::Standing { state, is_held, .. } = found?;
+        let tree::Equilibrium { state, is_held, .. } = found?;
         let pose = state.configuration.0.as_slice().to_vec();
         let stretches: Vec<f64> = state.rate.variables.iter().flat_map(|x| <[f64; 3]>::from(*x)).collect();
         let count = stretches.len() / 3;

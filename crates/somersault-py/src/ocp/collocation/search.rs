@@ -12,7 +12,7 @@ use somersault::nlp::{Flow, Iteration, Sqp, Status};
 use somersault::ocp::collocation::{
     Collocation, CollocationError, CollocationReport, CollocationStatus, Mesh, Problem, SearchError,
 };
-use somersault::ocp::ways::{Found, Solver, Splines, StartFrom, Way};
+use somersault::ocp::solver::{SolutionMethod, Solver, SolverResult, Splines, StartFrom};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -74,7 +74,7 @@ impl Settings {
 /// How one search is to go.
 pub(super) struct SearchOptions<'a, 'py> {
     pub(super) settings: Settings,
-    pub(super) way: Way,
+    pub(super) method: SolutionMethod,
     /// Where the search starts, if it is no guess.
     pub(super) solution: Option<Arc<CollocationReport>>,
     pub(super) max_time: Option<f64>,
@@ -89,18 +89,18 @@ impl SearchOptions<'_, '_> {
         py: Python<'_>,
         n_phases: usize,
         problem: impl FnOnce(&Arc<CancellationToken>) -> Result<Problem, Error>,
-        result: impl FnOnce(Found) -> Result<Py<R>, Error>,
+        result: impl FnOnce(SolverResult) -> Result<Py<R>, Error>,
     ) -> Result<Py<R>, Error> {
         let returned = returns_interrupted(self.on_interrupt)?;
         let (collocation, mesh) = self.settings.collocation(duration(self.max_time)?)?;
         let token = Arc::new(CancellationToken::with_deadline(deadline(self.max_time)?));
-        let (way, keeps_mesh) = (self.way, self.settings.keeps_mesh());
+        let (method, keeps_mesh) = (self.method, self.settings.keeps_mesh());
         let again = self.solution.filter(|_| keeps_mesh);
         let meshes = vec![mesh; n_phases];
         let (mut problem, mut watcher) = (problem(&token)?, Watcher::new(self.callback)?);
         let named = |error: CollocationError| Error::from(error).with_names(&NAMES);
         let collocation = collocation.try_with_errors(problem.relative_errors()).map_err(named)?;
-        let solver = Solver { way, splines: splines(&collocation), collocation };
+        let solver = Solver { method, splines: splines(&collocation), collocation };
         let search = move |token: &CancellationToken| {
             let mut look = |iteration: &Iteration<'_>| -> Flow {
                 if token.is_cancelled() { Flow::Stop } else { watcher.look(iteration) }
@@ -118,7 +118,11 @@ impl SearchOptions<'_, '_> {
             Ok(found) => found,
             Err(SearchError::Failed { source, report }) => {
                 let error = PyErr::from(Error::failed(source));
-                return Err(with_solution(py, error, result(Found { report: *report, polished: None })?));
+                return Err(with_solution(
+                    py,
+                    error,
+                    result(SolverResult { report: *report, polished: None })?,
+                ));
             }
             Err(SearchError::Collocation(error)) => return Err(named(error)),
         };

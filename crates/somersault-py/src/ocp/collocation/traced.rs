@@ -18,7 +18,7 @@ use somersault::ocp::collocation::{
     CollocationReport, CollocationStatus, End, Guess, Interval, Linkage, PhaseSolution, Place, Problem,
     Quantity, distinct, ranked,
 };
-use somersault::ocp::ways::{Found, Way};
+use somersault::ocp::solver::{SolutionMethod, SolverResult};
 use std::sync::Arc;
 
 /// What `ControlProblem` and `MultiphaseProblem` pose, once functions are traced.
@@ -31,12 +31,12 @@ pub(crate) struct TracedProblem {
 }
 
 /// What the argument `method` says.
-fn way(method: &str) -> Result<Way, Error> {
+fn method_of(method: &str) -> Result<SolutionMethod, Error> {
     match method {
-        "auto" => Ok(Way::Auto),
-        "shooting" => Ok(Way::Shooting),
-        "collocation" => Ok(Way::Collocation),
-        "indirect" => Ok(Way::Indirect),
+        "auto" => Ok(SolutionMethod::Auto),
+        "shooting" => Ok(SolutionMethod::Shooting),
+        "collocation" => Ok(SolutionMethod::Collocation),
+        "indirect" => Ok(SolutionMethod::Indirect),
         other => Err(Error::input(format!(
             "`method` must be 'auto', 'shooting', 'collocation' or 'indirect', found '{other}'"
         ))),
@@ -135,9 +135,9 @@ impl TracedProblem {
     }
 
     /// What was polished as Python sees it.
-    fn polished(&self, py: Python<'_>, found: Found, tol: f64) -> Result<Py<PolishResult>, Error> {
+    fn polished(&self, py: Python<'_>, found: SolverResult, tol: f64) -> Result<Py<PolishResult>, Error> {
         let subject = self.phases[0].get().subject.clone();
-        let Found { report, polished } = found;
+        let SolverResult { report, polished } = found;
         let polished =
             polished.unwrap_or_else(|| Polished::refused(&report, "the search was stopped before"));
         let found = CollocationResult::of(py, report, subject.clone(), tol)?;
@@ -211,18 +211,18 @@ impl TracedProblem {
         on_interrupt: &str,
         method: &str,
     ) -> Result<Py<PyAny>, Error> {
-        let way = way(method)?;
+        let method = method_of(method)?;
         let (guesses, solution) = start.read();
         let sizes = [n_intervals, n_points];
         let settings = Settings { tol, sizes, max_meshes, max_iterations, max_evaluations };
-        let options = SearchOptions { settings, way, solution, max_time, callback, on_interrupt };
+        let options = SearchOptions { settings, method, solution, max_time, callback, on_interrupt };
         let problem = |token: &Arc<CancellationToken>| self.problem(guesses, token);
-        if way == Way::Indirect {
+        if method == SolutionMethod::Indirect {
             self.expect_traced("method='indirect'")?;
-            let result = |found: Found| self.polished(py, found, tol);
+            let result = |found: SolverResult| self.polished(py, found, tol);
             return Ok(options.run(py, self.phases.len(), problem, result)?.into_any());
         }
-        let result = |found: Found| self.result(py, found.report, tol);
+        let result = |found: SolverResult| self.result(py, found.report, tol);
         Ok(options.run(py, self.phases.len(), problem, result)?.into_any())
     }
 

@@ -8,7 +8,7 @@
 //! ```
 //! with differences for its matrix, and the least d where the equations leave some of it open.
 
-use super::report::Touch;
+use super::report::ContactState;
 use super::system::{TouchingState, TreeInContact};
 use crate::encounters::Encounters;
 use crate::error::ContactError;
@@ -25,7 +25,7 @@ const MOVE: f64 = 1e-7;
 
 /// The outcome of a search for a pose at rest.
 #[derive(Debug, Clone)]
-pub struct Standing {
+pub struct Equilibrium {
     /// The pose, at rest, with the stretches that hold it.
     pub state: TouchingState,
     /// The largest joint force that is left, N or N m.
@@ -39,10 +39,10 @@ pub struct Standing {
 impl<F: TreeForces, D: JointDrive> TreeInContact<'_, F, D> {
     /// A pose at rest near the positions `q`, under the forces at time `t`. Nothing is said about its stability.
     ///
-    /// Where there is none, or none that friction holds, the best found is returned and [`is_held`](Standing::is_held) is
+    /// Where there is none, or none that friction holds, the best found is returned and [`is_held`](Equilibrium::is_held) is
     /// false. Of the ways in which several contacts may divide the load one is tried, so that near the angle of friction a pose
     /// may be held where it says no; a run from there settles in it. Errors: positions that do not fit the tree.
-    pub fn standing(&self, t: f64, q: &[f64]) -> Result<Standing, ContactError> {
+    pub fn equilibrium(&self, t: f64, q: &[f64]) -> Result<Equilibrium, ContactError> {
         let n = self.model().n_velocities();
         let rest = vec![0.0; n];
         let guess = self.loaded(t, self.model().state(q, &rest)?)?;
@@ -88,12 +88,12 @@ impl<F: TreeForces, D: JointDrive> TreeInContact<'_, F, D> {
         let (residual, d) = best.unwrap_or((f64::INFINITY, DVector::zeros(n)));
         let state = self.moved(&guess, &ways, &d)?;
         let sticks = self.touches(&state).iter().all(|touch| touch.mode != ContactMode::Slip);
-        Ok(Standing { state, residual, is_held: residual <= 1e-10 * scale && sticks, iterations })
+        Ok(Equilibrium { state, residual, is_held: residual <= 1e-10 * scale && sticks, iterations })
     }
 
     /// How each contact that is closed moves in its plane by the joints.
     fn ways(&self, guess: &TouchingState) -> Result<Vec<Matrix3xX<f64>>, ContactError> {
-        let way = |touch: Touch| {
+        let way = |touch: ContactState| {
             let plane = if touch.mode.is_open() {
                 Matrix3::zeros()
             } else {

@@ -1,6 +1,6 @@
-//! Three ways to solve one problem, and one that forwards its motion to the next.
+//! Three methods to solve one problem, and one that starts the second from the first.
 //!
-//! | [`Way`] | Unknowns | Takes | Leaves |
+//! | [`SolutionMethod`] | Unknowns | Takes | Leaves |
 //! |---|---|---|---|
 //! | `Shooting` | splines of the joints of a tree, or of controls | one phase with controls, a start time that is given | a motion and its re-integration; no costates |
 //! | `Collocation` | states and controls at points | everything | states, controls, costates, estimated errors |
@@ -19,7 +19,7 @@
 //! use somersault_core::cancel::CancellationToken;
 //! use somersault_nlp::Flow;
 //! use somersault_ocp::collocation::{CollocationStatus, Dynamics, Phase, Point, Problem, Terms};
-//! use somersault_ocp::ways::{Solver, StartFrom, Way};
+//! use somersault_ocp::solver::{Solver, StartFrom, SolutionMethod};
 //!
 //! /// ẋ = u, cost ½ ∫ x² + u² dt.
 //! struct Pull;
@@ -37,10 +37,10 @@
 //!     }
 //! }
 //!
-//! for way in [Way::Shooting, Way::Collocation] {
+//! for method in [SolutionMethod::Shooting, SolutionMethod::Collocation] {
 //!     let phase = Phase::new(Pull, Pull).initial_state([1.0]).final_state([0.0]).horizon(0.0, 1.0);
 //!     let mut problem = Problem::try_new(phase)?;
-//!     let solver = Solver { way, ..Solver::default() };
+//!     let solver = Solver { method, ..Solver::default() };
 //!     let token = CancellationToken::new();
 //!     let found = solver.solve(&mut problem, StartFrom::Guess, &mut |_| Flow::Continue, &token)?;
 //!     assert_eq!(found.report.status, CollocationStatus::Converged);
@@ -50,10 +50,10 @@
 //! ```
 
 mod first_order;
+mod methods;
 mod point;
-mod pose;
-mod solver;
+mod spline_program;
 mod splines;
 
-pub use solver::{Found, Solver, StartFrom, Way};
+pub use methods::{SolutionMethod, Solver, SolverResult, StartFrom};
 pub use splines::Splines;

@@ -1,8 +1,10 @@
 //! The motion of lowest cost among splines.
 
-use super::pose::{Posed, Program, STEPS};
+use super::spline_program::{Program, STEPS, SplineProgram};
 use crate::NoSplines;
-use crate::collocation::{CollocationError, Guess, Mesh, Metered, PhaseRows, PhaseSolution, Problem, Radau};
+use crate::collocation::{
+    CollocationError, Guess, LimitedEvaluations, Mesh, PhaseRows, PhaseSolution, Problem, Radau,
+};
 use crate::dynamics::HybridDynamics;
 use crate::shooting::Drive;
 use crate::transcription::Transcription;
@@ -15,7 +17,7 @@ const ROUGH: f64 = 1e-4;
 const FEW: usize = 60;
 const HALVINGS_OF_A_START: usize = 4;
 
-/// Shooting with splines, as a way to solve an optimal control problem.
+/// Shooting with splines, as a method to solve an optimal control problem.
 ///
 /// Joints of a tree move by splines, what they exert follows by inverse dynamics, and joints without forces by hybrid dynamics: there
 /// are no defects, and the cost is integrated at more points than the splines have coefficients, so that a minimum is a
@@ -78,15 +80,17 @@ impl Splines {
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
         left: &mut Option<usize>,
     ) -> Result<SplineMotionReport, CollocationError> {
-        match Posed::try_new(problem, n_intervals, self.exact_hessian)? {
-            Posed::Joints(program) => self.solve_posed(*program, problem, guess, points, on_iteration, left),
-            Posed::Controls(program) => {
-                self.solve_posed(*program, problem, guess, points, on_iteration, left)
+        match SplineProgram::try_new(problem, n_intervals, self.exact_hessian)? {
+            SplineProgram::Joints(program) => {
+                self.solve_program(*program, problem, guess, points, on_iteration, left)
+            }
+            SplineProgram::Controls(program) => {
+                self.solve_program(*program, problem, guess, points, on_iteration, left)
             }
         }
     }
 
-    fn solve_posed<D: HybridDynamics>(
+    fn solve_program<D: HybridDynamics>(
         &self,
         posed: Program<D>,
         problem: &Problem,
@@ -100,7 +104,8 @@ impl Splines {
         let own = phase.start().ok_or_else(|| NoSplines::Undefined { what: "the guess".to_owned() })?;
         let start = Start::from(posed.start(guess.unwrap_or(own), phase)?);
         let Program { mut program, mapping } = posed;
-        let solved = self.solver.solve(&mut Metered { nlp: &mut program, left }, &start, on_iteration);
+        let solved =
+            self.solver.solve(&mut LimitedEvaluations { nlp: &mut program, left }, &start, on_iteration);
         let (report, failure) = match solved {
             Ok(report) => (report, None),
             Err(SolverError::Failed { source, report }) => (*report, Some(source)),

@@ -1,6 +1,6 @@
-//! Which way a problem is solved, and how one forwards its motion to the next.
+//! Methods to solve a problem, and how one starts the next.
 
-use super::pose::{STEPS, tree_of};
+use super::spline_program::{STEPS, tree_of};
 use super::splines::{SplineMotionReport, Splines};
 use crate::arcs::{Polish, Polished, Verdict};
 use crate::collocation::{
@@ -27,7 +27,7 @@ const FIRST_MESH: (usize, usize) = (20, 3);
 /// How a problem is solved.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[non_exhaustive]
-pub enum Way {
+pub enum SolutionMethod {
     /// By collocation, which starts from splines where these are likely to help.
     #[default]
     Auto,
@@ -39,11 +39,11 @@ pub enum Way {
     Indirect,
 }
 
-/// Solves a problem in one of the ways, or in one after the other.
+/// Solves a problem by one method, or by one after the other.
 #[derive(Debug, Clone)]
 pub struct Solver {
     /// Which.
-    pub way: Way,
+    pub method: SolutionMethod,
     /// Splines; the tolerance is that of the collocation.
     pub splines: Splines,
     /// Collocation. Its evaluations are those of all programs together; equations of arcs may be evaluated as often again.
@@ -52,14 +52,18 @@ pub struct Solver {
 
 impl Default for Solver {
     fn default() -> Self {
-        Self { way: Way::Auto, splines: Splines::default(), collocation: Collocation::default() }
+        Self {
+            method: SolutionMethod::Auto,
+            splines: Splines::default(),
+            collocation: Collocation::default(),
+        }
     }
 }
 
 /// What was found.
 #[derive(Debug)]
-pub struct Found {
-    /// The motion, with the verdict of the way that ended the search.
+pub struct SolverResult {
+    /// The motion, with the verdict of the method that ended the search.
     pub report: CollocationReport,
     /// The extremal, where it was sought.
     pub polished: Option<Polished>,
@@ -93,13 +97,15 @@ impl Solver {
         from: StartFrom<'_>,
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
         token: &CancellationToken,
-    ) -> Result<Found, SearchError> {
+    ) -> Result<SolverResult, SearchError> {
         let mut run = Run { from, on_iteration, token, left: self.collocation.max_evaluations };
-        match self.way {
-            Way::Collocation => self.collocate(problem, &self.collocation, &mut run).map(Found::of),
-            Way::Auto => self.choose(problem, &self.collocation, &mut run).map(Found::of),
-            Way::Shooting => self.shoot(problem, &mut run).map(Found::of),
-            Way::Indirect => self.polish(problem, &mut run),
+        match self.method {
+            SolutionMethod::Collocation => {
+                self.collocate(problem, &self.collocation, &mut run).map(SolverResult::of)
+            }
+            SolutionMethod::Auto => self.choose(problem, &self.collocation, &mut run).map(SolverResult::of),
+            SolutionMethod::Shooting => self.shoot(problem, &mut run).map(SolverResult::of),
+            SolutionMethod::Indirect => self.polish(problem, &mut run),
         }
     }
 
@@ -273,14 +279,14 @@ impl Solver {
     }
 
     /// Collocation that is coarse, then finer where no arcs were found, and polish.
-    fn polish(&self, problem: &mut Problem, run: &mut Run<'_>) -> Result<Found, SearchError> {
-        let mut found: Option<Found> = None;
+    fn polish(&self, problem: &mut Problem, run: &mut Run<'_>) -> Result<SolverResult, SearchError> {
+        let mut found: Option<SolverResult> = None;
         let polish = Polish { max_evaluations: self.collocation.max_evaluations };
         for tolerance in COARSE {
             let collocation = Collocation { tolerance, ..self.collocation.clone() };
             let report = match &found {
                 None => self.choose(problem, &collocation, run)?,
-                Some(Found { report, .. }) => {
+                Some(SolverResult { report, .. }) => {
                     let (meshes, origin) = (report.meshes(), Origin::Solution(report));
                     collocation.solve_within(
                         problem,
@@ -299,7 +305,7 @@ impl Solver {
                 _ => false,
             };
             let is_done = !is_refused || is_final || run.token.is_cancelled();
-            found = Some(Found { report, polished: Some(polished) });
+            found = Some(SolverResult { report, polished: Some(polished) });
             if is_done {
                 break;
             }
@@ -308,7 +314,7 @@ impl Solver {
     }
 }
 
-impl Found {
+impl SolverResult {
     fn of(report: CollocationReport) -> Self {
         Self { report, polished: None }
     }

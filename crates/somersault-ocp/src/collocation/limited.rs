@@ -3,13 +3,13 @@
 use somersault_nlp::{Curvature, EvaluationError, Exhausted, Nlp, Structure};
 
 /// A program with the evaluations that are left of all that a search may make.
-pub(crate) struct Metered<'a, N> {
+pub(crate) struct LimitedEvaluations<'a, N> {
     pub(crate) nlp: &'a mut N,
     pub(crate) left: &'a mut Option<usize>,
 }
 
 #[deny(clippy::missing_trait_methods)]
-impl<N: Nlp> Nlp for Metered<'_, N> {
+impl<N: Nlp> Nlp for LimitedEvaluations<'_, N> {
     fn structure(&self) -> &Structure {
         self.nlp.structure()
     }

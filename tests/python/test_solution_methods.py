@@ -1,4 +1,4 @@
-"""The three ways to solve one problem, and what each states about its accuracy."""
+"""The three methods for one problem, and what each states about its accuracy."""
 
 import pickle
 

@@ -11,7 +11,7 @@ use somersault_ocp::collocation::{
     CollocationError, CollocationStatus, Dynamics, Interval, Phase, Point, Problem, SearchError, Terms,
     TreeDynamics,
 };
-use somersault_ocp::ways::{Found, Solver, StartFrom, Way};
+use somersault_ocp::solver::{SolutionMethod, Solver, SolverResult, StartFrom};
 
 struct Effort;
 
@@ -57,15 +57,15 @@ fn turned(n: usize) -> Problem {
         .unwrap()
 }
 
-fn solve(problem: &mut Problem, way: Way) -> Result<Found, SearchError> {
-    let mut solver = Solver { way, ..Solver::default() };
+fn solve(problem: &mut Problem, method: SolutionMethod) -> Result<SolverResult, SearchError> {
+    let mut solver = Solver { method, ..Solver::default() };
     solver.collocation.tolerance = 1e-5;
     solver.solve(problem, StartFrom::Guess, &mut |_| Flow::Continue, &CancellationToken::new())
 }
 
 #[test]
 fn collocation_of_four_driven_hinges_starts_from_splines() {
-    let report = solve(&mut turned(4), Way::Auto).unwrap().report;
+    let report = solve(&mut turned(4), SolutionMethod::Auto).unwrap().report;
     assert_eq!(report.status, CollocationStatus::Converged, "{:?}", report.history);
     assert!(report.confirmation.max_defect() < 1e-6 && report.history[0].is_start);
     assert!(report.origin.contains("4 driven joints"), "{}", report.origin);
@@ -73,7 +73,7 @@ fn collocation_of_four_driven_hinges_starts_from_splines() {
 
 #[test]
 fn two_driven_hinges_start_from_a_straight_line() {
-    let report = solve(&mut turned(2), Way::Auto).unwrap().report;
+    let report = solve(&mut turned(2), SolutionMethod::Auto).unwrap().report;
     assert_eq!(report.status, CollocationStatus::Converged);
     assert!(report.origin.is_empty() && !report.history[0].is_start);
 }
@@ -85,15 +85,15 @@ fn splines_of_joints_have_the_cost_of_collocation() {
         let phase = Phase::of_tree(dynamics, Effort).initial_state([0.0, 0.3, 0.0, 0.0]);
         Problem::try_new(phase.final_state([1.0, -0.3, 0.0, 0.0]).horizon(0.0, 1.0)).unwrap()
     };
-    let [splines, collocation] =
-        [Way::Shooting, Way::Collocation].map(|way| solve(&mut posed(), way).unwrap().report);
+    let [splines, collocation] = [SolutionMethod::Shooting, SolutionMethod::Collocation]
+        .map(|method| solve(&mut posed(), method).unwrap().report);
     assert_eq!(splines.status, CollocationStatus::Converged, "{:?}", splines.history);
     assert!((splines.cost - collocation.cost).abs() < 1e-5 * collocation.cost);
 }
 
 #[test]
 fn what_splines_cannot_take_is_named() {
-    let reason = |mut problem: Problem| match solve(&mut problem, Way::Shooting) {
+    let reason = |mut problem: Problem| match solve(&mut problem, SolutionMethod::Shooting) {
         Err(SearchError::Collocation(CollocationError::NoSplines(reason))) => reason,
         other => panic!("{other:?}"),
     };
@@ -120,9 +120,12 @@ impl Terms for FromBoth {
 #[test]
 fn costs_of_a_free_start_are_refused_by_splines_and_taken_by_collocation() {
     let posed = || Problem::try_new(Phase::new(Pull, FromBoth).final_state([1.0])).unwrap();
-    let refused = solve(&mut posed(), Way::Shooting);
+    let refused = solve(&mut posed(), SolutionMethod::Shooting);
     let is_named =
         matches!(refused, Err(SearchError::Collocation(CollocationError::NoSplines(NoSplines::FreeStart))));
     assert!(is_named);
-    assert_eq!(solve(&mut posed(), Way::Auto).unwrap().report.status, CollocationStatus::Converged);
+    assert_eq!(
+        solve(&mut posed(), SolutionMethod::Auto).unwrap().report.status,
+        CollocationStatus::Converged
+    );
 }

@@ -138,9 +138,9 @@ impl TermSecondDerivatives for PointTerm {
 }
 
 /// Numbers of a node as they are.
-pub(super) struct Chosen(pub(super) Vec<NodeNumber>);
+pub(super) struct NodeNumbers(pub(super) Vec<NodeNumber>);
 
-impl Term for Chosen {
+impl Term for NodeNumbers {
     fn name(&self) -> &str {
         "bounds"
     }

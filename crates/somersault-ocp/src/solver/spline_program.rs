@@ -6,7 +6,7 @@
 //! | any other ẋ = f(x, u, p, t) | controls | velocities of [`FirstOrder`] | forces of it |
 
 use super::first_order::FirstOrder;
-use super::point::{Chosen, PointTerm, Source};
+use super::point::{NodeNumbers, PointTerm, Source};
 use crate::NoSplines;
 use crate::collocation::{Guess, Interval, Phase, Problem, Shared, VectorFunction};
 use crate::dynamics::{HybridDynamics, Tree};
@@ -51,7 +51,7 @@ impl Mapping {
 }
 
 /// What the splines are of.
-pub(super) enum Posed {
+pub(super) enum SplineProgram {
     /// Joints of a tree.
     Joints(Box<Program<Tree>>),
     /// Controls.
@@ -88,7 +88,7 @@ pub(super) fn tree_of(phase: &Phase) -> Option<(Tree, Vec<usize>)> {
 }
 
 /// Whether x₀ is one of the arguments that decide Φ and b.
-fn names_the_start(ends: &mut Shared, phase: &Phase, guess: &Guess) -> Result<bool, NoSplines> {
+fn depends_on_the_start(ends: &mut Shared, phase: &Phase, guess: &Guess) -> Result<bool, NoSplines> {
     let n = phase.n_states();
     let mut arguments =
         [&guess.states[0][..], &guess.states[guess.states.len() - 1], &guess.parameters].concat();
@@ -112,7 +112,7 @@ fn names_the_start(ends: &mut Shared, phase: &Phase, guess: &Guess) -> Result<bo
     Ok(false)
 }
 
-impl Posed {
+impl SplineProgram {
     /// The program of a problem, with splines of so many intervals.
     pub(super) fn try_new(problem: &Problem, n_intervals: usize, exact: bool) -> Result<Self, NoSplines> {
         let phase = only_phase(problem)?;
@@ -302,7 +302,7 @@ impl<D: HybridDynamics> Program<D> {
         let first_of =
             |n: usize| Loss::Linear { weights: (0..n).map(|k| f64::from(u8::from(k == 0))).collect() };
         problem = match integrated {
-            Some(cost) => problem.mayer(At::End, Chosen(vec![cost]), first_of(1))?,
+            Some(cost) => problem.mayer(At::End, NodeNumbers(vec![cost]), first_of(1))?,
             None => {
                 let cost = PointTerm::new("running cost", path.clone(), mapping.point(), 0..1);
                 problem.lagrange(cost, first_of(1))?
@@ -314,7 +314,7 @@ impl<D: HybridDynamics> Program<D> {
             let term = PointTerm::new("path constraint", path, mapping.point(), rows);
             problem = problem.constrain(At::EveryNode, term, limits(&bounds.path))?;
         }
-        if names_the_start(&mut ends, phase, guess)? {
+        if depends_on_the_start(&mut ends, phase, guess)? {
             return Err(NoSplines::FreeStart);
         }
         let initial = bounds.initial_state.iter().zip(&guess.states[0]);
@@ -341,7 +341,7 @@ impl<D: HybridDynamics> Program<D> {
                 rows.into_iter().filter(|(_, interval): &(_, Interval)| is_bound(interval)).collect();
             let (numbers, intervals): (Vec<_>, Vec<_>) = rows.into_iter().unzip();
             if !numbers.is_empty() {
-                problem = problem.constrain(at, Chosen(numbers), limits(&intervals))?;
+                problem = problem.constrain(at, NodeNumbers(numbers), limits(&intervals))?;
             }
         }
         Ok(Self { program: problem.build()?, mapping })
