@@ -473,6 +473,7 @@ def _function(function: Any, arguments: Sequence[Any], options: dict[str, Any]) 
     except TraceError as error:
         known = name in error.reason
         raise error if known else refusal(f"{name} cannot be traced: {error.reason}") from None
+    # whatever its code for arrays of numbers raises when it meets symbols
     except (TypeError, ValueError, AttributeError, NotImplementedError) as error:
         raise refusal(f"{name} cannot be traced: {error}") from error
     if isinstance(found, list | tuple):

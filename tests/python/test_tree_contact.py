@@ -186,6 +186,45 @@ def test_a_pose_at_rest_stays() -> None:
     assert not success
 
 
+def test_equilibria_are_found_and_hold_where_friction_can() -> None:
+    random = np.random.default_rng(3)
+    for _ in range(16):
+        tilt, coefficient = random.uniform(0, 0.5), random.uniform(0.2, 0.8)
+        slope = contact.HalfSpace((0, 0, 0), (np.sin(tilt), 0, np.cos(tilt)))
+        law, grip = contact.CompliantLaw(2e4, 60.0), contact.CoulombFriction(coefficient, 1.5e4, 60.0)
+        links = [multibody.Link("seat", "free", mass=3, center=(0, 0, 0.1), inertia=[0.1] * 3)]
+        feet = []
+        for i, place in enumerate([(0.2, 0.1, 0), (0.2, -0.1, 0), (-0.2, 0, 0)]):
+            hinge: Any = {"parent": "seat", "axis": (0, 1, 0), "origin": place, "damping": 0.5}
+            links.append(
+                multibody.Link(
+                    f"leg {i}", "revolute", mass=0.3, center=(0, 0, -0.1), inertia=[2e-3] * 3, **hinge
+                )
+            )
+            foot = contact.Contact.ball((0, 0, -0.2), 0.02, slope, law, friction=grip)
+            feet.append(contact.LinkContact(f"foot {i}", f"leg {i}", foot))
+        stool, angles = multibody.Model(links), random.uniform(-0.3, 0.3, 3)
+
+        def springs(t: float, q: Array, v: Array, angles: Array = angles) -> Array:
+            return np.concatenate([np.zeros(6), 300 * (angles - q[7:])])
+
+        guess = np.concatenate([[0, 0, 0.22, 0, np.sin(tilt / 2), 0, np.cos(tilt / 2)], angles])
+        q, stretches, success = contact.TreeContacts(stool, feet).equilibrium(guess, springs)
+        load = np.tan(tilt) / coefficient
+        assert success or load > 0.75, load
+        assert not success or load < 1.0
+        if success:
+            options: Any = {
+                "torque": springs,
+                "contacts": feet,
+                "stretches": stretches,
+                "rtol": 1e-9,
+                "atol": 1e-12,
+            }
+            still = multibody.integrate_tree(stool, q, np.zeros(9), (0, 0.2), **options)
+            assert np.abs(still.q - q).max() < 1e-9
+
+
 def test_a_surface_may_be_a_function_and_what_it_raises_comes_out() -> None:
     leg = contact.hopping_leg()
     arm = leg.contacts[0].contact

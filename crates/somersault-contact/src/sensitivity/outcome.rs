@@ -85,6 +85,14 @@ pub enum SensitivityError {
         /// The names that there are.
         allowed: &'static [&'static str],
     },
+    /// A joint force of no degree of freedom.
+    #[error("`parameters` must name a degree of freedom below {n}, found the force of {found}")]
+    NoJoint {
+        /// Number of degrees of freedom.
+        n: usize,
+        /// The one that was named.
+        found: usize,
+    },
     /// A parameter that the system does not have.
     #[error("`parameters` must name what {of} has, found {found}")]
     NotOf {

@@ -57,7 +57,9 @@ impl<F: TreeForces> Differentiable for TreeInContact<'_, F> {
         let not_of = |of| Some(SensitivityError::NotOf { found: format!("{parameter:?}"), of });
         match parameter {
             Parameter::Mass | Parameter::InertiaScale | Parameter::Force(_) => not_of("a tree"),
-            Parameter::JointForce(k) if *k >= self.model().n_velocities() => not_of("this tree"),
+            Parameter::JointForce(found) if *found >= self.model().n_velocities() => {
+                Some(SensitivityError::NoJoint { n: self.model().n_velocities(), found: *found })
+            }
             Parameter::Normal(..) | Parameter::Friction(..) | Parameter::JointForce(_) => None,
         }
     }

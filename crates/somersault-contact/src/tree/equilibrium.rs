@@ -17,8 +17,12 @@ use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
 use somersault_integrators::force::Wrench;
 use somersault_multibody::motion::{JointDrive, TreeForces, TreeState};
 
-/// Most steps of Newton's method.
+/// Most steps of Newton's method from one guess.
 const MOST: u32 = 60;
+/// Most guesses, each the pose that the one before led to, with the load on friction divided again.
+const GUESSES: u32 = 20;
+/// Halvings of a step that does not lessen what is left.
+const HALVINGS: u32 = 8;
 
 /// How far a joint is moved for a difference.
 const MOVE: f64 = 1e-7;
@@ -32,45 +36,53 @@ pub struct Equilibrium {
     pub residual: f64,
     /// Whether that is zero to rounding, and every contact that is closed sticks.
     pub is_held: bool,
-    /// Steps of Newton's method.
+    /// Steps of Newton's method, from all guesses.
     pub iterations: u32,
 }
 
 impl<F: TreeForces, D: JointDrive> TreeInContact<'_, F, D> {
-    /// A pose at rest near the positions `q`, under the forces at time `t`. Nothing is said about its stability.
+    /// A static equilibrium near the positions `q`, under the forces at time `t`. Its stability is not examined.
     ///
-    /// Where there is none, or none that friction holds, the best found is returned and [`is_held`](Equilibrium::is_held) is
-    /// false. Of the ways in which several contacts may divide the load one is tried, so that near the angle of friction a pose
-    /// may be held where it says no; a run from there settles in it. Errors: positions that do not fit the tree.
+    /// If Newton's method does not converge, or friction cannot hold the pose, the result is the best iterate and
+    /// [`is_held`](Equilibrium::is_held) is false. Friction forces of several contacts are not unique, and one division of the load
+    /// is tried: near the angle of friction the result may be false although another division holds the pose. An integration from
+    /// the iterate then comes to rest. Errors: positions that do not fit the tree.
     pub fn equilibrium(&self, t: f64, q: &[f64]) -> Result<Equilibrium, ContactError> {
+        let mut best = self.equilibrium_from(t, q)?;
+        let mut next = best.clone();
+        for _ in 1..GUESSES {
+            if best.is_held || !next.residual.is_finite() {
+                break;
+            }
+            let iterations = next.iterations;
+            next = self.equilibrium_from(t, next.state.configuration.0.as_slice())?;
+            next.iterations += iterations;
+            if next.is_held || next.residual < best.residual {
+                best = next.clone();
+            }
+        }
+        Ok(Equilibrium { iterations: next.iterations, ..best })
+    }
+
+    /// Newton's method from one guess, whose friction carries the load as far as it can.
+    fn equilibrium_from(&self, t: f64, q: &[f64]) -> Result<Equilibrium, ContactError> {
         let n = self.model().n_velocities();
         let rest = vec![0.0; n];
         let guess = self.loaded(t, self.model().state(q, &rest)?)?;
-        let ways = self.ways(&guess)?;
-        let (mut d, mut best) = (DVector::zeros(n), None::<(f64, DVector<f64>)>);
-        let (mut iterations, mut scale) = (0, f64::INFINITY);
-        while iterations < MOST {
-            let (left, size) = self.left(t, &self.moved(&guess, &ways, &d)?)?;
-            scale = size;
-            let residual = left.amax();
-            if !residual.is_finite() || best.as_ref().is_some_and(|(least, _)| residual > 1e3 * least) {
-                break;
-            }
-            let has_improved = best.as_ref().is_none_or(|(least, _)| residual < 0.5 * least);
-            if best.as_ref().is_none_or(|(least, _)| residual < *least) {
-                best = Some((residual, d.clone()));
-            }
-            if residual <= 1e-14 * size || (residual <= 1e-11 * size && !has_improved) {
-                break;
-            }
+        let sliding = self.sliding(&guess)?;
+        let at = |d: &DVector<f64>| self.left(t, &self.moved(&guess, &sliding, d)?);
+        let mut d = DVector::zeros(n);
+        let (mut left, mut size) = at(&d)?;
+        let mut iterations = 0;
+        while left.amax() > 1e-14 * size && iterations < MOST {
             iterations += 1;
             let column = |k: usize| -> Result<DVector<f64>, ContactError> {
-                let at = |sign: f64| {
+                let near = |sign: f64| {
                     let mut near = d.clone();
                     near[k] += sign * MOVE;
-                    Ok::<_, ContactError>(self.left(t, &self.moved(&guess, &ways, &near)?)?.0)
+                    Ok::<_, ContactError>(at(&near)?.0)
                 };
-                Ok((at(1.0)? - at(-1.0)?) * (0.5 / MOVE))
+                Ok((near(1.0)? - near(-1.0)?) * (0.5 / MOVE))
             };
             let columns = (0..n).map(column).collect::<Result<Vec<_>, _>>()?;
             if columns.iter().any(|column| !column.iter().all(|x| x.is_finite())) {
@@ -79,21 +91,29 @@ impl<F: TreeForces, D: JointDrive> TreeInContact<'_, F, D> {
             let svd = DMatrix::from_columns(&columns).svd(true, true);
             let Ok(mut step) = svd.solve(&left, 1e-9 * svd.singular_values.max()) else { break };
             // A step of a pose, in m and rad: the forces are linear over little more than that.
-            let length = step.amax();
-            if length > 0.1 {
-                step *= 0.1 / length;
+            step *= (0.1 / step.amax()).min(1.0);
+            let mut shorter = None;
+            for _ in 0..=HALVINGS {
+                let trial = &d - &step;
+                let (found, scale) = at(&trial)?;
+                if found.norm() < left.norm() {
+                    shorter = Some((trial, found, scale));
+                    break;
+                }
+                step *= 0.5;
             }
-            d -= step;
+            let Some(next) = shorter else { break };
+            (d, left, size) = next;
         }
-        let (residual, d) = best.unwrap_or((f64::INFINITY, DVector::zeros(n)));
-        let state = self.moved(&guess, &ways, &d)?;
+        let state = self.moved(&guess, &sliding, &d)?;
         let sticks = self.touches(&state).iter().all(|touch| touch.mode != ContactMode::Slip);
-        Ok(Equilibrium { state, residual, is_held: residual <= 1e-10 * scale && sticks, iterations })
+        let residual = left.amax();
+        Ok(Equilibrium { state, residual, is_held: residual <= 1e-10 * size && sticks, iterations })
     }
 
     /// How each contact that is closed moves in its plane by the joints.
-    fn ways(&self, guess: &TouchingState) -> Result<Vec<Matrix3xX<f64>>, ContactError> {
-        let way = |touch: ContactState| {
+    fn sliding(&self, guess: &TouchingState) -> Result<Vec<Matrix3xX<f64>>, ContactError> {
+        let along = |touch: ContactState| {
             let plane = if touch.mode.is_open() {
                 Matrix3::zeros()
             } else {
@@ -101,22 +121,22 @@ impl<F: TreeForces, D: JointDrive> TreeInContact<'_, F, D> {
             };
             Ok(plane * self.contact_jacobian(touch.contact, guess)?)
         };
-        self.touches(guess).into_iter().map(way).collect()
+        self.touches(guess).into_iter().map(along).collect()
     }
 
     /// The guess with its joints moved by d, and its stretches with them.
     fn moved(
         &self,
         guess: &TouchingState,
-        ways: &[Matrix3xX<f64>],
+        sliding: &[Matrix3xX<f64>],
         d: &DVector<f64>,
     ) -> Result<TouchingState, ContactError> {
         let (model, q0) = (self.model(), guess.configuration.0.as_slice());
         let mut q = q0.to_vec();
         model.displace(q0, d.as_slice(), &mut q)?;
         let state: TreeState = model.state(&q, &vec![0.0; model.n_velocities()])?;
-        let moved = |(stretch, way): (&Vector3<f64>, &Matrix3xX<f64>)| stretch + way * d;
-        self.stretched(state, guess.rate.variables.iter().zip(ways).map(moved).collect())
+        let moved = |(stretch, by): (&Vector3<f64>, &Matrix3xX<f64>)| stretch + by * d;
+        self.stretched(state, guess.rate.variables.iter().zip(sliding).map(moved).collect())
     }
 
     /// The joint forces that are left at rest, and their size: that of the weight and of the contacts.

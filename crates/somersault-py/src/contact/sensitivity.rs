@@ -3,7 +3,7 @@
 use crate::core::callable::Failure;
 use crate::core::convert::{a_type, array, integer_or_none, interval_of, sequence, vector, with_shape};
 use crate::core::error::Error;
-use crate::core::value::{Pickled, by_restore};
+use crate::core::value::{Pickled, by_restore, value};
 use crate::integrators::bodies::{RigidBody, State};
 use crate::integrators::event::Event;
 use crate::integrators::forces::Reader;
@@ -21,46 +21,112 @@ use somersault::contact::sensitivity::{
     self, Differentiation, Parameter, SensitivityRun, Undifferentiated, VariedState,
 };
 use somersault::contact::stretches::WithStretches;
+use somersault::integrators::driver::Status;
 use somersault::integrators::events::Location;
 use somersault::integrators::methods::{Method, Options};
-use somersault::integrators::nalgebra::DMatrix;
+use somersault::integrators::nalgebra::{DMatrix, Vector3};
+
+/// Derivatives of a run through contacts by its initial state and by parameters.
+pub(crate) struct Derivatives {
+    pub(crate) by_state: Py<PyArrayDyn<f64>>,
+    pub(crate) by_parameters: Py<PyArrayDyn<f64>>,
+    pub(crate) event_times: Py<PyArrayDyn<f64>>,
+    pub(crate) stretches: Py<PyArrayDyn<f64>>,
+}
+
+/// As a file has them.
+pub(crate) type PickledDerivatives<'py> = [Bound<'py, PyAny>; 4];
+
+impl Derivatives {
+    pub(crate) fn of(
+        py: Python<'_>,
+        [by_state, by_parameters, event_times]: [&DMatrix<f64>; 3],
+        stretches: &[Vector3<f64>],
+    ) -> PyResult<Self> {
+        Ok(Self {
+            by_state: matrix(py, by_state)?,
+            by_parameters: matrix(py, by_parameters)?,
+            event_times: matrix(py, event_times)?,
+            stretches: matrix(py, &DMatrix::from_fn(stretches.len(), 3, |i, k| stretches[i][k]))?,
+        })
+    }
+
+    pub(crate) fn pickled<'py>(&self, py: Python<'py>) -> PickledDerivatives<'py> {
+        [&self.by_state, &self.by_parameters, &self.event_times, &self.stretches]
+            .map(|array| array.bind(py).clone().into_any())
+    }
+
+    /// Those of a file, of a state with `n` entries.
+    pub(crate) fn of_pickled(
+        py: Python<'_>,
+        n: usize,
+        n_events: usize,
+        [by_state, by_parameters, event_times, stretches]: PickledDerivatives<'_>,
+    ) -> Result<Self, Error> {
+        let read = |name: &str, value: &Bound<'_, PyAny>, rows: usize, columns: usize| {
+            let values = with_shape(name, &[rows, columns], value)?;
+            Ok::<_, Error>(array(py, values, &[rows, columns])?.unbind())
+        };
+        let columns = event_times.getattr("shape")?.get_item(1)?.extract::<usize>()?;
+        let n_parameters = columns.saturating_sub(n);
+        Ok(Self {
+            by_state: read("by_state", &by_state, n, n)?,
+            by_parameters: read("by_parameters", &by_parameters, n, n_parameters)?,
+            event_times: read("event_times", &event_times, n_events, n + n_parameters)?,
+            stretches: read("stretches", &stretches, stretches.len()?, 3)?,
+        })
+    }
+
+    pub(crate) fn n_parameters(&self, py: Python<'_>) -> usize {
+        self.by_parameters.bind(py).shape()[1]
+    }
+}
 
 /// A motion through contacts and its derivative.
 ///
 /// Rows of a derivative are position, m, orientation, rad (the small rotation δφ in the world frame,
 /// R → exp(δφ̂) R), velocity, m/s, and angular velocity, rad/s, three components each.
-#[pyclass(frozen, get_all, module = "somersault.contact")]
+#[pyclass(frozen, module = "somersault.contact")]
 pub(crate) struct Sensitivities {
-    /// float: Time reached, s.
     t: f64,
-    /// State: State reached.
     state: State,
-    /// list of Event: What happened in contacts.
     events: Vec<Py<Event>>,
-    /// ndarray, shape (12, 12): Derivative of the state reached by the state at the start.
-    by_state: Py<PyArrayDyn<f64>>,
-    /// ndarray, shape (12, parameters): Derivative of the state reached by the parameters.
-    by_parameters: Py<PyArrayDyn<f64>>,
-    /// ndarray, shape (events, 12 + parameters): Derivative of the times of the events, s, laid out as `by_state`
-    /// and `by_parameters` side by side: one row for each event. NaN at an event that changes nothing.
-    event_times: Py<PyArrayDyn<f64>>,
-    /// ndarray, shape (contacts, 3): Stretches of the contacts' friction in the state reached, m.
-    stretches: Py<PyArrayDyn<f64>>,
+    derivatives: Derivatives,
+}
+
+value! {
+    impl Sensitivities {
+        /// float: Time reached, s.
+        t: f64 = |own| own.t;
+        /// State: State reached.
+        state: State = |own| own.state;
+        /// list of Event: What happened in contacts.
+        events: Vec<Py<Event>> = |own, py| own.events.iter().map(|event| event.clone_ref(py)).collect();
+        /// ndarray, shape (12, 12): Derivative of the state reached by the state at the start.
+        by_state: Py<PyArrayDyn<f64>> = |own, py| own.derivatives.by_state.clone_ref(py);
+        /// ndarray, shape (12, parameters): Derivative of the state reached by the parameters.
+        by_parameters: Py<PyArrayDyn<f64>> = |own, py| own.derivatives.by_parameters.clone_ref(py);
+        /// ndarray, shape (events, 12 + parameters): Derivative of the times of the events, s, laid out as `by_state`
+        /// and `by_parameters` side by side: one row for each event. NaN at an event that changes nothing.
+        event_times: Py<PyArrayDyn<f64>> = |own, py| own.derivatives.event_times.clone_ref(py);
+        /// ndarray, shape (contacts, 3): Stretches of the contacts' friction in the state reached, m.
+        stretches: Py<PyArrayDyn<f64>> = |own, py| own.derivatives.stretches.clone_ref(py);
+    }
 }
 
 impl Sensitivities {
     fn of(py: Python<'_>, contacts: usize, found: &sensitivity::Sensitivities) -> PyResult<Self> {
         let sensitivity::Sensitivities { run, state, parameters, event_times, stretches } = found;
-        let columns = parameters.ncols();
+        let of_rows =
+            |rows: usize, columns: usize, numbers: &[f64]| DMatrix::from_column_slice(rows, columns, numbers);
+        let by_state = of_rows(12, 12, state.as_slice());
+        let by_parameters = of_rows(12, parameters.ncols(), parameters.as_slice());
         let event = |event| Py::new(py, Event::of(py, contacts, event)?);
         Ok(Self {
             t: run.t,
             state: State(run.state),
             events: run.events.iter().map(event).collect::<PyResult<_>>()?,
-            by_state: matrix(py, &DMatrix::from_iterator(12, 12, state.iter().copied()))?,
-            by_parameters: matrix(py, &DMatrix::from_iterator(12, columns, parameters.iter().copied()))?,
-            event_times: matrix(py, event_times)?,
-            stretches: matrix(py, &DMatrix::from_fn(stretches.len(), 3, |i, k| stretches[i][k]))?,
+            derivatives: Derivatives::of(py, [&by_state, &by_parameters, event_times], stretches)?,
         })
     }
 }
@@ -68,14 +134,13 @@ impl Sensitivities {
 #[pymethods]
 impl Sensitivities {
     fn __repr__(&self, py: Python<'_>) -> String {
-        let parameters = self.by_parameters.bind(py).shape()[1];
+        let parameters = self.derivatives.n_parameters(py);
         format!("<Sensitivities at t = {}: {} events, {parameters} parameters>", self.t, self.events.len())
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
-        let own = slf.get();
-        let derivatives = (&own.by_state, &own.by_parameters, &own.event_times, &own.stretches);
-        by_restore(slf, (own.t, own.state, &own.events, derivatives))
+        let (py, own) = (slf.py(), slf.get());
+        by_restore(slf, (own.t, own.state, &own.events, own.derivatives.pickled(py)))
     }
 
     /// Pickled sensitivities.
@@ -85,29 +150,14 @@ impl Sensitivities {
         t: f64,
         state: State,
         events: Vec<Py<Event>>,
-        derivatives: [Bound<'_, PyAny>; 4],
+        derivatives: PickledDerivatives<'_>,
     ) -> Result<Self, Error> {
-        let py = cls.py();
-        let [by_state, by_parameters, event_times, stretches] = &derivatives;
-        let read = |name: &str, value: &Bound<'_, PyAny>, rows: usize, columns: usize| {
-            let values = with_shape(name, &[rows, columns], value)?;
-            Ok::<_, Error>(array(py, values, &[rows, columns])?.unbind())
-        };
-        let columns = event_times.getattr("shape")?.get_item(1)?.extract::<usize>()?;
-        let parameters = columns.saturating_sub(12);
-        Ok(Self {
-            by_state: read("by_state", by_state, 12, 12)?,
-            by_parameters: read("by_parameters", by_parameters, 12, parameters)?,
-            event_times: read("event_times", event_times, events.len(), 12 + parameters)?,
-            stretches: read("stretches", stretches, stretches.len()?, 3)?,
-            t,
-            state,
-            events,
-        })
+        let derivatives = Derivatives::of_pickled(cls.py(), 12, events.len(), derivatives)?;
+        Ok(Self { t, state, events, derivatives })
     }
 }
 
-pub(crate) fn matrix(py: Python<'_>, matrix: &DMatrix<f64>) -> PyResult<Py<PyArrayDyn<f64>>> {
+fn matrix(py: Python<'_>, matrix: &DMatrix<f64>) -> PyResult<Py<PyArrayDyn<f64>>> {
     let mut values = vec![0.0; matrix.len()];
     write(matrix, &mut values);
     Ok(array(py, values, &[matrix.nrows(), matrix.ncols()])?.unbind())
@@ -142,10 +192,31 @@ fn parameter(value: &Bound<'_, PyAny>) -> Result<Parameter, Error> {
     }
 }
 
-fn parameters(value: Option<&Bound<'_, PyAny>>) -> Result<Vec<Parameter>, Error> {
+/// What to differentiate by: each entry of a sequence, as `parameter` reads it; nothing where none is given.
+pub(crate) fn parameters(
+    value: Option<&Bound<'_, PyAny>>,
+    parameter: impl Fn(&Bound<'_, PyAny>) -> Result<Parameter, Error>,
+) -> Result<Vec<Parameter>, Error> {
     let Some(value) = value else { return Ok(Vec::new()) };
     let wrong = || Error::input(format!("`parameters` must be a sequence, found {}", a_type(value)));
     sequence(value).ok_or_else(wrong)?.try_iter()?.map(|entry| parameter(&entry?)).collect()
+}
+
+/// The result of a run that was differentiated, and how the run ended.
+pub(crate) fn outcome_of<S>(
+    outcome: Result<S, Box<Undifferentiated<S>>>,
+    status: impl FnOnce(&S) -> Status,
+) -> (S, Result<Status, Error>) {
+    match outcome {
+        Ok(found) => {
+            let status = status(&found);
+            (found, Ok(status))
+        }
+        Err(undifferentiated) => {
+            let Undifferentiated { reason, so_far } = *undifferentiated;
+            (so_far, Err(reason.into()))
+        }
+    }
 }
 
 /// Motion of one rigid body through contacts, and its derivative by the initial state and by parameters.
@@ -248,7 +319,7 @@ pub(crate) fn differentiate(
     let method = method.map_or(Ok(default), |m| methods::extract("method", m))?;
     let interval = (interval[0], interval[1]);
     let steps = StepArguments { dt, rtol, atol, max_step, first_step, max_steps }.steps(method, interval)?;
-    let parameters = self::parameters(parameters)?;
+    let parameters = self::parameters(parameters, parameter)?;
     let failure = Failure::default();
     let mut reader = Reader { failure: failure.clone(), calls_python: false };
     let models = reader.sum("forces", forces.unwrap_or(&py.None().into_bound(py)))?;
@@ -273,16 +344,7 @@ pub(crate) fn differentiate(
         let run = SensitivityRun::new(&system, &by, method, steps).with_options(options);
         run.locating(location).observed_by(monitor).from(&state.0)
     })?;
-    let (found, status) = match outcome {
-        Ok(found) => {
-            let status = found.run.status;
-            (found, Ok(status))
-        }
-        Err(undifferentiated) => {
-            let Undifferentiated { reason, so_far } = *undifferentiated;
-            (so_far, Err(reason.into()))
-        }
-    };
+    let (found, status) = outcome_of(outcome, |found| found.run.status);
     let solution = Py::new(py, Sensitivities::of(py, count, &found)?)?;
     plan.deliver(py, monitor.finish(py, status).failed, solution)
 }

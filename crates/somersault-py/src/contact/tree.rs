@@ -704,24 +704,24 @@ impl TreeContacts {
         })
     }
 
-    /// A pose at rest near a configuration, by Newton's method. Nothing is said about its stability.
+    /// A static equilibrium near a configuration, by Newton's method. Its stability is not examined.
     ///
     /// Parameters
     /// ----------
     /// q : array_like, shape (n_positions,)
-    ///     Configuration to begin with, in which something touches.
+    ///     Initial guess, in which something touches.
     /// torque : array_like, shape (n_velocities,), or callable, optional
     ///     Joint forces, or ``f(t, q, v)`` that returns them, which is called at t = 0 and rest; none unless given.
     ///
     /// Returns
     /// -------
     /// q : ndarray, shape (n_positions,)
-    ///     The pose, or the best that was found.
+    ///     The pose, or the best iterate.
     /// stretches : ndarray, shape (contacts, 3)
     ///     Stretches of friction that hold it, m.
     /// success : bool
-    ///     Whether it is at rest to rounding, and friction holds it. Of the ways in which several contacts may divide the load one
-    ///     is tried: near the angle of friction others may hold it.
+    ///     Whether it is at rest to rounding and friction holds it. Friction forces of several contacts are not unique, and one
+    ///     division of the load is tried: near the angle of friction another may hold the pose.
     ///
     /// Examples
     /// --------

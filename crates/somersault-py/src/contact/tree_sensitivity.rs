@@ -1,27 +1,23 @@
 //! Derivatives of a tree's motion through contacts.
 
-use crate::contact::sensitivity::matrix;
+use crate::contact::sensitivity::{Derivatives, PickledDerivatives, outcome_of, parameters as parameters_of};
 use crate::contact::tree::{LinkEvent, TreeContactList, TreeTouches, stretched};
 use crate::core::callable::Failure;
-use crate::core::convert::{a_type, array, finite_all, integer_or_none, interval_of, sequence, with_shape};
+use crate::core::convert::{array, finite_all, integer_or_none, interval_of, with_shape};
 use crate::core::error::Error;
-use crate::core::value::{Pickled, by_restore};
+use crate::core::value::{Pickled, by_restore, value};
 use crate::integrators::methods;
 use crate::integrators::monitor::Monitor;
 use crate::integrators::plan::{Plan, StepArguments};
 use crate::multibody::given::Given;
 use crate::multibody::model::Model;
 use numpy::PyArrayDyn;
-use numpy::prelude::*;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
-use somersault::contact::sensitivity::{
-    self, Differentiation, Parameter, SensitivityRun, Undifferentiated, VariedOf,
-};
+use somersault::contact::sensitivity::{self, Differentiation, Parameter, SensitivityRun, VariedOf};
 use somersault::contact::tree::TreeInContact;
 use somersault::integrators::events::Location;
 use somersault::integrators::methods::{Method, Options};
-use somersault::integrators::nalgebra::DMatrix;
 use somersault::integrators::state::State;
 use somersault::multibody::motion::{TreeForces, TreeSystem};
 
@@ -38,25 +34,35 @@ use somersault::multibody::motion::{TreeForces, TreeSystem};
 /// ...     leg.model, leg.q, leg.v, (0.0, 0.05), dt=1e-3, contacts=leg.contacts, torque=leg.torque)
 /// >>> found.by_state.shape, found.event_times.shape
 /// ((10, 10), (2, 10))
-#[pyclass(frozen, get_all, module = "somersault.contact")]
+#[pyclass(frozen, module = "somersault.contact")]
 pub(crate) struct TreeSensitivities {
-    /// float: Time reached, s.
     t: f64,
-    /// ndarray, shape (n_positions,): Configuration reached.
     q: Py<PyArrayDyn<f64>>,
-    /// ndarray, shape (n_velocities,): Velocity reached.
     v: Py<PyArrayDyn<f64>>,
-    /// list of LinkEvent: What happened in contacts.
     events: Vec<Py<LinkEvent>>,
-    /// ndarray, shape (2 n_velocities, 2 n_velocities): Derivative of the state reached by the state at the start.
-    by_state: Py<PyArrayDyn<f64>>,
-    /// ndarray, shape (2 n_velocities, parameters): Derivative of the state reached by the parameters.
-    by_parameters: Py<PyArrayDyn<f64>>,
-    /// ndarray, shape (events, 2 n_velocities + parameters): Derivative of the times of the events, s, laid out as
-    /// `by_state` and `by_parameters` side by side: one row for each event. NaN at an event that changes nothing.
-    event_times: Py<PyArrayDyn<f64>>,
-    /// ndarray, shape (contacts, 3): Stretches of the contacts' friction in the state reached, m.
-    stretches: Py<PyArrayDyn<f64>>,
+    derivatives: Derivatives,
+}
+
+value! {
+    impl TreeSensitivities {
+        /// float: Time reached, s.
+        t: f64 = |own| own.t;
+        /// ndarray, shape (n_positions,): Configuration reached.
+        q: Py<PyArrayDyn<f64>> = |own, py| own.q.clone_ref(py);
+        /// ndarray, shape (n_velocities,): Velocity reached.
+        v: Py<PyArrayDyn<f64>> = |own, py| own.v.clone_ref(py);
+        /// list of LinkEvent: What happened in contacts.
+        events: Vec<Py<LinkEvent>> = |own, py| own.events.iter().map(|event| event.clone_ref(py)).collect();
+        /// ndarray, shape (2 n_velocities, 2 n_velocities): Derivative of the state reached by the state at the start.
+        by_state: Py<PyArrayDyn<f64>> = |own, py| own.derivatives.by_state.clone_ref(py);
+        /// ndarray, shape (2 n_velocities, parameters): Derivative of the state reached by the parameters.
+        by_parameters: Py<PyArrayDyn<f64>> = |own, py| own.derivatives.by_parameters.clone_ref(py);
+        /// ndarray, shape (events, 2 n_velocities + parameters): Derivative of the times of the events, s, laid out as
+        /// `by_state` and `by_parameters` side by side: one row for each event. NaN at an event that changes nothing.
+        event_times: Py<PyArrayDyn<f64>> = |own, py| own.derivatives.event_times.clone_ref(py);
+        /// ndarray, shape (contacts, 3): Stretches of the contacts' friction in the state reached, m.
+        stretches: Py<PyArrayDyn<f64>> = |own, py| own.derivatives.stretches.clone_ref(py);
+    }
 }
 
 impl TreeSensitivities {
@@ -71,20 +77,13 @@ impl TreeSensitivities {
         system.model().joint_velocities(&end, &mut v)?;
         let numbers =
             |numbers: &[f64]| Ok::<_, PyErr>(array(py, numbers.to_vec(), &[numbers.len()])?.unbind());
-        let stretches = run.state.variables();
+        let event = |event| TreeTouches::event(py, system, event);
         Ok(Self {
             t: run.t,
             q: numbers(end.configuration.as_slice())?,
             v: numbers(&v)?,
-            events: run
-                .events
-                .iter()
-                .map(|event| TreeTouches::event(py, system, event))
-                .collect::<Result<_, _>>()?,
-            by_state: matrix(py, state)?,
-            by_parameters: matrix(py, parameters)?,
-            event_times: matrix(py, event_times)?,
-            stretches: matrix(py, &DMatrix::from_fn(stretches.len(), 3, |i, k| stretches[i][k]))?,
+            events: run.events.iter().map(event).collect::<Result<_, _>>()?,
+            derivatives: Derivatives::of(py, [state, parameters, event_times], run.state.variables())?,
         })
     }
 }
@@ -92,7 +91,7 @@ impl TreeSensitivities {
 #[pymethods]
 impl TreeSensitivities {
     fn __repr__(&self, py: Python<'_>) -> String {
-        let parameters = self.by_parameters.bind(py).shape()[1];
+        let parameters = self.derivatives.n_parameters(py);
         format!(
             "<TreeSensitivities at t = {}: {} events, {parameters} parameters>",
             self.t,
@@ -101,9 +100,8 @@ impl TreeSensitivities {
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
-        let own = slf.get();
-        let derivatives = (&own.by_state, &own.by_parameters, &own.event_times, &own.stretches);
-        by_restore(slf, (own.t, (&own.q, &own.v), &own.events, derivatives))
+        let (py, own) = (slf.py(), slf.get());
+        by_restore(slf, (own.t, (&own.q, &own.v), &own.events, own.derivatives.pickled(py)))
     }
 
     /// Pickled sensitivities.
@@ -113,28 +111,15 @@ impl TreeSensitivities {
         t: f64,
         state: [Bound<'_, PyAny>; 2],
         events: Vec<Py<LinkEvent>>,
-        derivatives: [Bound<'_, PyAny>; 4],
+        derivatives: PickledDerivatives<'_>,
     ) -> Result<Self, Error> {
-        let py = cls.py();
-        let [by_state, by_parameters, event_times, stretches] = &derivatives;
-        let read = |name: &str, value: &Bound<'_, PyAny>, shape: &[usize]| {
-            let values = with_shape(name, shape, value)?;
-            Ok::<_, Error>(array(py, values, shape)?.unbind())
+        let (py, [q, v]) = (cls.py(), state);
+        let read = |name: &str, value: &Bound<'_, PyAny>| {
+            let shape = [value.len()?];
+            Ok::<_, Error>(array(py, with_shape(name, &shape, value)?, &shape)?.unbind())
         };
-        let [q, v] = &state;
-        let n = 2 * v.len()?;
-        let columns = event_times.getattr("shape")?.get_item(1)?.extract::<usize>()?;
-        let parameters = columns.saturating_sub(n);
-        Ok(Self {
-            q: read("q", q, &[q.len()?])?,
-            v: read("v", v, &[v.len()?])?,
-            by_state: read("by_state", by_state, &[n, n])?,
-            by_parameters: read("by_parameters", by_parameters, &[n, parameters])?,
-            event_times: read("event_times", event_times, &[events.len(), n + parameters])?,
-            stretches: read("stretches", stretches, &[stretches.len()?, 3])?,
-            t,
-            events,
-        })
+        let derivatives = Derivatives::of_pickled(py, 2 * v.len()?, events.len(), derivatives)?;
+        Ok(Self { q: read("q", &q)?, v: read("v", &v)?, t, events, derivatives })
     }
 }
 
@@ -269,15 +254,8 @@ pub(crate) fn differentiate_tree(
         return_interrupted: false,
     };
     let system = contacts.on(py, TreeSystem::new(tree, &torque), &failure)?;
-    let parameters = match parameters {
-        None => Vec::new(),
-        Some(value) => {
-            let wrong = || Error::input(format!("`parameters` must be a sequence, found {}", a_type(value)));
-            let entries = sequence(value).ok_or_else(wrong)?.try_iter()?;
-            let names = system.contacts().names();
-            entries.map(|entry| parameter(&entry?, names)).collect::<Result<_, Error>>()?
-        }
-    };
+    let names = system.contacts().names();
+    let parameters = parameters_of(parameters, |entry| parameter(entry, names))?;
     let location = Location { max_event_rate, ..Location::default() };
     let initial = stretched(&system, stretches, interval.0, state.clone())?;
     let by = Differentiation { parameters, grazing, stretches: initial.rate.variables.clone() };
@@ -287,16 +265,7 @@ pub(crate) fn differentiate_tree(
         let run = SensitivityRun::new(&system, &by, method, steps).with_options(plan.options);
         run.locating(location).observed_by(monitor).from(&state)
     })?;
-    let (found, status) = match outcome {
-        Ok(found) => {
-            let status = found.run.status;
-            (found, Ok(status))
-        }
-        Err(undifferentiated) => {
-            let Undifferentiated { reason, so_far } = *undifferentiated;
-            (so_far, Err(reason.into()))
-        }
-    };
+    let (found, status) = outcome_of(outcome, |found| found.run.status);
     let solution = Py::new(py, TreeSensitivities::of(py, &system, &found)?)?;
     plan.deliver(py, monitor.finish(py, status).failed, solution)
 }
