@@ -87,6 +87,15 @@ class TestBudgets:
         expect_collocation(control_problem().solve(**options), status)
         expect_collocation(phases().solve(**options), status)
 
+    @pytest.mark.parametrize("method", ["auto", "shooting", "collocation", "indirect"])
+    def test_methods(self, budget: str, method: Any) -> None:
+        options, status = BUDGETS[budget]
+        found: Any = control_problem().solve(method=method, **options)
+        if method == "indirect":
+            assert found.verdict == "refused" and not found.success
+            found = found.found
+        expect_collocation(found, status)
+
     def test_searches_of_control_problems(self, budget: str) -> None:
         options, status = BUDGETS[budget]
         for problem in (control_problem(), phases()):
