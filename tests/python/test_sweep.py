@@ -147,6 +147,19 @@ def test_points_beside_one_that_kills_its_process_have_their_values(cluster: Any
     assert set(found.failures) == {3, 7}
 
 
+@pytest.mark.filterwarnings("default")
+def test_a_cluster_without_workers_ends_a_sweep(monkeypatch: pytest.MonkeyPatch) -> None:
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed (extra `dask`)")
+    monkeypatch.setattr(sweep, "_LOOK_SECONDS", 0.05)
+    monkeypatch.setattr(sweep, "_ALONE_SECONDS", 0.2)
+    with (
+        distributed.LocalCluster(n_workers=0, dashboard_address=None, silence_logs=50) as empty,
+        empty.get_client() as client,
+        pytest.raises(SweepError, match=r"has had no workers for 0\.2 s"),
+    ):
+        sweep.run(ten_over, sweep.grid(x=[1, 2]), client=client)
+
+
 def test_failures_are_recorded_and_can_be_tried_again(tmp_path: Path) -> None:
     found = sweep.run(ten_over, sweep.grid(x=[2, 0, 5]), directory=tmp_path / "a")
     assert found.values == [5.0, None, 2.0]

@@ -29,7 +29,7 @@ _KINDS = {
 }
 
 
-def _hop(leg: contact.HoppingLeg, **options: Any) -> multibody.TreeSolution:
+def _hop(leg: contact.TreeContactSystem, **options: Any) -> multibody.TreeSolution:
     return multibody.integrate_tree(
         leg.model, leg.q, leg.v, (0.0, _DURATION), torque=leg.torque, contacts=leg.contacts, **options
     )
@@ -59,7 +59,7 @@ def _history(hop: multibody.TreeSolution) -> Axes:
     return drawn
 
 
-def _errors(leg: contact.HoppingLeg, steps: list[float]) -> tuple[dict[str, list[float]], float]:
+def _errors(leg: contact.TreeContactSystem, steps: list[float]) -> tuple[dict[str, list[float]], float]:
     """Errors of the end by method and step, and the change of the reference where its step is halved."""
     ends = [_hop(leg, method="rkmk8", dt=dt) for dt in (1.25e-4, 6.25e-5)]
     end = np.concatenate([ends[1].q[-1], ends[1].v[-1]])

@@ -18,7 +18,6 @@ __all__ = [
     "CylindricalSurface",
     "Event",
     "HalfSpace",
-    "HoppingLeg",
     "HuntCrossley",
     "LinkContact",
     "LinkEvent",
@@ -30,6 +29,7 @@ __all__ = [
     "SphericalSurface",
     "Surface",
     "SurfaceFunction",
+    "TreeContactSystem",
     "TreeContacts",
     "TreeSensitivities",
     "bouncing_ball",
@@ -39,11 +39,15 @@ __all__ = [
     "falling_box",
     "hopping_leg",
     "link_contacts",
+    "planar_biped",
+    "quadruped",
+    "ragdoll",
     "restitution",
     "rolling_disk",
     "shape_contacts",
     "sliding_block",
     "spinning_top",
+    "springboard",
     "tippe_top",
 ]
 
@@ -333,7 +337,7 @@ def link_contacts(
 ) -> tuple[list[LinkContact], list[str]]: ...
 
 @final
-class HoppingLeg:
+class TreeContactSystem:
     @property
     def model(self) -> Model: ...
     @property
@@ -569,4 +573,8 @@ class RegularisedFriction:
     def __ne__(self, other: object, /) -> bool: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
 
-def hopping_leg() -> HoppingLeg: ...
+def hopping_leg() -> TreeContactSystem: ...
+def planar_biped() -> TreeContactSystem: ...
+def quadruped() -> TreeContactSystem: ...
+def ragdoll() -> TreeContactSystem: ...
+def springboard() -> TreeContactSystem: ...

@@ -56,6 +56,10 @@ Point = Mapping[str, Any]
 _TASK_SECONDS = 0.5
 _TASK_POINTS = 256
 
+#: How often a cluster is looked at, and for how long it may have no workers, s.
+_LOOK_SECONDS = 5.0
+_ALONE_SECONDS = 60.0
+
 
 def grid(**axes: Iterable[Any]) -> list[dict[str, Any]]:
     """Points for all combinations of values; the last name varies fastest.
@@ -464,7 +468,7 @@ def _compute(
                     items = [suspects.popleft()]
                     isolated = executor.submit(_work, function, items, stop)
                     running[isolated] = items
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                for future in _some_done(running, client):
                     take(future, bar)
         except KeyboardInterrupt:
             if stop is not None:
@@ -479,6 +483,26 @@ def _compute(
             for future in running:
                 future.cancel()
             executor.shutdown(wait=client is None)
+
+
+def _some_done(running: Iterable[Future[list[bytes]]], client: Client | None) -> set[Future[list[bytes]]]:
+    """Waits for tasks, of which a cluster that has lost all its workers would end none."""
+    if client is None:
+        return wait(running, return_when=FIRST_COMPLETED).done
+    cluster: Any = client
+    alone_since: float | None = None
+    while True:
+        done = wait(running, timeout=_LOOK_SECONDS, return_when=FIRST_COMPLETED).done
+        if done:
+            return done
+        if cluster.ncores():
+            alone_since = None
+        elif alone_since is None:
+            alone_since = time.monotonic()
+        elif time.monotonic() - alone_since > _ALONE_SECONDS:
+            raise SweepError(
+                f"the cluster has had no workers for {_ALONE_SECONDS:g} s; run again to continue"
+            )
 
 
 @contextlib.contextmanager

@@ -219,7 +219,7 @@ MOTIONS: dict[type, Callable[[Any], Subject]] = {
 
 INSTEAD: dict[type, str] = {
     contact.Event: "the Solution that it is of",
-    contact.HoppingLeg: "its `model`, with `t` and `q`",
+    contact.TreeContactSystem: "its `model`, with `t` and `q`",
     contact.LinkEvent: "the TreeSolution that it is of",
     contact.TreeContacts: "the TreeSolution of its `model` that `multibody.integrate_tree` returns",
     contact.Sensitivities: "what `somersault.integrate` returns for the same arguments",

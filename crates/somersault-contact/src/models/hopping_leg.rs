@@ -1,15 +1,16 @@
 //! The leg that hops: a body, a thigh and a shank in a vertical plane, driven at hip and knee.
 
 use super::ModelError;
+use super::planar::{axes, down, hanging, mass};
+use super::tree_system::{JointActuator, JointActuators, TreeContactSystem};
 use crate::contacts::Contact;
 use crate::laws::ContactLaw;
 use crate::laws::compliant::CompliantLaw;
 use crate::laws::coulomb::CoulombFriction;
 use crate::surface::HalfSpace;
 use crate::tree::LinkContact;
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
-use somersault_multibody::{Joint, Link, MassProperties, Model};
-use std::f64::consts::FRAC_PI_2;
+use nalgebra::Vector3;
+use somersault_multibody::{Joint, Link, Model};
 use std::sync::Arc;
 
 /// A leg that hops on the ground z = 0 in the plane of x and z, under 9.81 m/s².
@@ -54,19 +55,14 @@ impl HoppingLeg {
 
     /// The tree.
     pub fn model(&self) -> Result<Model, ModelError> {
-        let down = -Vector3::y();
-        let mass = |i: usize, center: f64| MassProperties {
-            mass: self.masses[i],
-            center: down * center,
-            inertia: Matrix3::from_diagonal_element(self.moments[i]),
-        };
-        let hinge = Joint::Revolute { axis: Vector3::z() };
-        let plane = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), FRAC_PI_2);
+        let ([body, thigh, shank], [hip, knee, _]) = (self.masses, self.lengths);
+        let [about_body, about_thigh, about_shank] = self.moments;
+        let [of_thigh, of_shank] = self.centers;
         let mut builder = Model::builder();
-        builder.add(Link::root("body", Joint::Planar, mass(0, 0.0)).turned(plane))?;
-        let [hip, thigh, _] = self.lengths;
-        builder.add(Link::child("thigh", "body", hinge, mass(1, self.centers[0])).at(down * hip))?;
-        builder.add(Link::child("shank", "thigh", hinge, mass(2, self.centers[1])).at(down * thigh))?;
+        let root = Link::root("body", Joint::Planar, mass(body, Vector3::zeros(), about_body));
+        builder.add(root.turned(axes()))?;
+        builder.add(hanging("thigh", "body", [thigh, of_thigh, about_thigh]).at(down(hip)))?;
+        builder.add(hanging("shank", "thigh", [shank, of_shank, about_shank]).at(down(knee)))?;
         Ok(builder.build()?)
     }
 
@@ -74,22 +70,20 @@ impl HoppingLeg {
     pub fn contacts(&self) -> Result<Vec<LinkContact>, ModelError> {
         let law = ContactLaw::from(self.law).with_friction(self.friction);
         let [_, _, shank] = self.lengths;
-        let foot = Contact::try_new(Vector3::new(0.0, -shank, 0.0), Arc::new(HalfSpace::ground()), law)?;
+        let foot = Contact::try_new(down(shank), Arc::new(HalfSpace::ground()), law)?;
         Ok(vec![LinkContact::new("foot", "shank", foot)])
     }
 
-    /// The torques of hip and knee at a time, N m.
-    pub fn torques(&self, t: f64) -> [f64; 2] {
-        self.drives.map(|[mean, amplitude, rate, phase]| mean + amplitude * (rate * t + phase).sin())
-    }
-
-    /// Adds the torques of hip and knee: forces of a tree ([`TreeForces`](somersault_multibody::motion::TreeForces)).
-    pub fn add_torques(&self, t: f64, torque: &mut [f64]) {
-        let [hip, knee] = self.torques(t);
-        if let [_, _, _, at_hip, at_knee] = torque {
-            *at_hip += hip;
-            *at_knee += knee;
-        }
+    /// The tree with its contact, actuators and start.
+    pub fn system(&self) -> Result<TreeContactSystem, ModelError> {
+        let (model, (q, v)) = (self.model()?, self.start());
+        let actuator = |(body, [mean, amplitude, rate, phase]): (&str, [f64; 4])| {
+            let joint = JointActuator::at_joint_of(&model, body)?;
+            Ok::<_, ModelError>(JointActuator { mean, amplitude, rate, phase, ..joint })
+        };
+        let drives = ["thigh", "shank"].into_iter().zip(self.drives);
+        let actuators = JointActuators(drives.map(actuator).collect::<Result<_, _>>()?);
+        Ok(TreeContactSystem { contacts: self.contacts()?, actuators, q: q.to_vec(), v: v.to_vec(), model })
     }
 
     /// q and v at the place of the body and the angles of the links (x, z, a₀, a₁, a₂), and their rates.

@@ -1,25 +1,40 @@
-//! Model bodies and trees with contacts: bodies are a [`BodyInContact`](crate::contacts::BodyInContact) under weight, trees the
-//! parts of a [`TreeInContact`](crate::tree::TreeInContact).
+//! Model bodies and trees with contacts: bodies are a [`BodyInContact`](crate::contacts::BodyInContact) under weight, trees
+//! a [`TreeContactSystem`], the parts of a [`TreeInContact`](crate::tree::TreeInContact).
 
 use crate::error::ContactError;
+use crate::tree::{LinkContact, TreeInContact};
 use somersault_core::InertiaError;
 use somersault_integrators::body::BodyError;
+use somersault_multibody::motion::TreeSystem;
+use somersault_multibody::urdf::UrdfError;
+use somersault_multibody::{DynamicsError, Model};
 
 mod bouncing_ball;
 mod falling_box;
 mod hopping_leg;
+mod planar;
+mod planar_biped;
+mod quadruped;
+mod ragdoll;
 mod rolling_disk;
 mod sliding_block;
 mod spinning_top;
+mod springboard;
 mod tippe_top;
+mod tree_system;
 
 pub use bouncing_ball::BouncingBall;
 pub use falling_box::FallingBox;
 pub use hopping_leg::HoppingLeg;
+pub use planar_biped::PlanarBiped;
+pub use quadruped::Quadruped;
+pub use ragdoll::Ragdoll;
 pub use rolling_disk::RollingDisk;
 pub use sliding_block::SlidingBlock;
 pub use spinning_top::SpinningTop;
+pub use springboard::Springboard;
 pub use tippe_top::TippeTop;
+pub use tree_system::{JointActuator, JointActuators, TreeContactSystem};
 
 /// Why a model body cannot be made.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -34,6 +49,12 @@ pub enum ModelError {
     /// Its tree cannot.
     #[error(transparent)]
     Tree(#[from] somersault_multibody::ModelError),
+    /// Its tree has no such body or state.
+    #[error(transparent)]
+    Dynamics(#[from] DynamicsError),
+    /// The file of its robot cannot be read.
+    #[error(transparent)]
+    Robot(#[from] UrdfError),
     /// A measure that the model does not allow.
     #[error("`{argument}` must lie between {low} and {high}, found {found}")]
     OutOfRange {
@@ -60,4 +81,11 @@ fn between(argument: &'static str, found: f64, low: f64, high: f64) -> Result<f6
     } else {
         Err(ModelError::OutOfRange { argument, found, low, high })
     }
+}
+
+/// The least gap of the contacts of a tree at rest, m.
+fn lowest(model: &Model, contacts: &[LinkContact], q: &[f64]) -> Result<f64, ModelError> {
+    let bare = TreeInContact::try_new(TreeSystem::new(model, ()), contacts.to_vec(), vec![])?;
+    let x = bare.unstretched(model.state(q, &vec![0.0; model.n_velocities()])?);
+    Ok(bare.touches(&x).iter().fold(f64::INFINITY, |least, touch| least.min(touch.gap)))
 }

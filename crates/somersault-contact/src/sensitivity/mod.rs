@@ -56,18 +56,13 @@
 //! ```
 //! use somersault_contact::models::HoppingLeg;
 //! use somersault_contact::sensitivity::{Differentiation, Parameter, SensitivityRun};
-//! use somersault_contact::tree::TreeInContact;
 //! use somersault_integrators::{driver::TimeGrid, methods::Method};
-//! use somersault_multibody::motion::TreeSystem;
 //!
-//! let leg = HoppingLeg::example()?;
-//! let model = leg.model()?;
-//! let torques = |t: f64, _: &[f64], _: &[f64], torque: &mut [f64]| leg.add_torques(t, torque);
-//! let system = TreeInContact::try_new(TreeSystem::new(&model, torques), leg.contacts()?, vec![])?;
-//! let (q, v) = leg.start();
+//! let leg = HoppingLeg::example()?.system()?;
+//! let system = leg.in_contact()?;
 //! let by = Differentiation::by([Parameter::friction(0, "coefficient"), Parameter::JointForce(4)]);
 //! let grid = TimeGrid::try_new(0.0, 0.2, 1e-3)?;
-//! let found = SensitivityRun::new(&system, &by, Method::Rkmk8, grid).from(&model.state(&q, &v)?)?;
+//! let found = SensitivityRun::new(&system, &by, Method::Rkmk8, grid).from(&leg.start()?)?;
 //! assert_eq!(found.state.shape(), (10, 10));
 //! // A leg whose knee is pushed straighter touches down at another time.
 //! assert!(found.event_times[(0, 11)] != 0.0);

@@ -11,15 +11,11 @@ use somersault_testkit::allocations::allocations;
 
 #[test]
 fn located_steps_of_a_tree_allocate_nothing_between_events() {
-    let leg = HoppingLeg::example().unwrap();
-    let model = leg.model().unwrap();
-    let torques = |t: f64, _: &[f64], _: &[f64], torque: &mut [f64]| leg.add_torques(t, torque);
-    let driven = TreeInContact::try_new(TreeSystem::new(&model, torques), leg.contacts().unwrap(), vec![]);
-    let driven = driven.unwrap();
-    let passive = TreeInContact::try_new(TreeSystem::new(&model, ()), leg.contacts().unwrap(), vec![]);
+    let leg = HoppingLeg::example().unwrap().system().unwrap();
+    let driven = leg.in_contact().unwrap();
+    let passive = TreeInContact::try_new(TreeSystem::new(&leg.model, ()), leg.contacts.clone(), vec![]);
     let passive = passive.unwrap();
-    let (q, v) = leg.start();
-    let flight = driven.unstretched(model.state(&q, &v).unwrap());
+    let flight = driven.unstretched(leg.start().unwrap());
     let grid = TimeGrid::try_new(0.0, 0.045, 1e-4).unwrap();
     // In contact, between its first stick and its slip.
     let held = Run::new(&driven, Method::Rkmk8, grid).locating(Location::default()).from(&flight);

@@ -54,9 +54,8 @@ fn ground(random: &mut Random) -> Arc<dyn Surface> {
     }
 }
 
-/// A free chain or tree of up to four links with all kinds of joints but planar and free ones within.
-fn tree(random: &mut Random) -> Model {
-    let n = 1 + random.below(4);
+/// A free chain or tree of so many links with all kinds of joints but planar and free ones within.
+fn tree(random: &mut Random, n: usize) -> Model {
     let mut builder = Model::builder();
     for i in 0..n {
         let mut body = random.body();
@@ -139,12 +138,21 @@ impl Observer<Coordinates> for Gaps<'_> {
     }
 }
 
-#[test]
-fn random_trees_that_drop_miss_nothing() {
-    let mut random = Random::new(23);
-    let (mut ends, mut events, mut looked_at) = ([0; 2], 0, 0);
-    for case in 0..240 {
-        let model = tree(&mut random);
+/// How many runs went through, and how many ended sooner with a reason; how many events there were, and how many steps were made again.
+#[derive(Debug, Default)]
+struct Tally {
+    ends: [u64; 2],
+    events: u64,
+    looked_at: u64,
+}
+
+/// Drops trees with numbers of links from `least` on, of `sizes` numbers.
+fn drop_trees(seed: u64, cases: u64, (least, sizes): (usize, usize)) -> Tally {
+    let mut random = Random::new(seed);
+    let mut tally = Tally::default();
+    for case in 0..cases {
+        let links = least + random.below(sizes);
+        let model = tree(&mut random, links);
         let surface = ground(&mut random);
         let n = model.n_bodies();
         let law = |random: &mut Random| {
@@ -210,8 +218,8 @@ fn random_trees_that_drop_miss_nothing() {
         let run = Run::new(&system, method, steps).observed_by(&mut watch).locating(Location::default());
         match run.from(&start) {
             Ok(run) => {
-                ends[0] += 1;
-                events += run.event_count;
+                tally.ends[0] += 1;
+                tally.events += run.event_count;
             }
             Err(broken) => {
                 println!("{case}: {}", broken.reason);
@@ -223,11 +231,25 @@ fn random_trees_that_drop_miss_nothing() {
                     "{case}: {}",
                     broken.reason
                 );
-                ends[1] += 1;
+                tally.ends[1] += 1;
             }
         }
-        looked_at += watch.looked_at;
+        tally.looked_at += watch.looked_at;
     }
+    tally
+}
+
+#[test]
+fn random_trees_that_drop_miss_nothing() {
+    let Tally { ends, events, looked_at } = drop_trees(23, 240, (1, 4));
     assert!(ends[0] > 150 && ends[1] < 5, "{ends:?}");
     assert!(events > 1000 && looked_at > 2000, "{events} {looked_at}");
+}
+
+#[test]
+#[ignore = "long form of `random_trees_that_drop_miss_nothing`: 10,000 trees of 3 to 20 links"]
+fn ten_thousand_random_trees_that_drop_miss_nothing() {
+    let found = drop_trees(10_000, 10_000, (3, 18));
+    println!("{found:?}");
+    assert!(found.ends[0] > 6000 && found.ends[1] * 50 < found.ends[0], "{found:?}");
 }

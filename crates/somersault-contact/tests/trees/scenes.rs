@@ -86,13 +86,9 @@ fn a_chain_bounces_to_the_digits_of_the_reference() {
 /// As the chain.
 #[test]
 fn a_leg_hops_to_the_digits_of_the_reference() {
-    let leg = HoppingLeg::example().unwrap();
-    let model = leg.model().unwrap();
-    let torques = |t: f64, _: &[f64], _: &[f64], torque: &mut [f64]| leg.add_torques(t, torque);
-    let tree = TreeSystem::new(&model, torques);
-    let system = TreeInContact::try_new(tree, leg.contacts().unwrap(), vec![]).unwrap();
-    let (q, v) = leg.start();
-    let start = system.unstretched(model.state(&q, &v).unwrap());
+    let leg = HoppingLeg::example().unwrap().system().unwrap();
+    let (model, system) = (&leg.model, leg.in_contact().unwrap());
+    let start = system.unstretched(leg.start().unwrap());
     let run = |method, tolerance| -> Hops {
         let run = Run::new(&system, method, adapted(0.6, tolerance));
         run.locating(Location::default()).from(&start).unwrap()
@@ -111,7 +107,7 @@ fn a_leg_hops_to_the_digits_of_the_reference() {
     }
     // The vertical impulses of the three stances are what gravity and the change of momentum ask for.
     let impulse: f64 = run.events.iter().map(|e| e.impulse).sum();
-    let (mut data, mut joint) = (Data::new(&model), vec![0.0; 5]);
+    let (mut data, mut joint) = (Data::new(model), vec![0.0; 5]);
     let mut momentum = |x: &TouchingState| {
         let base = x.base();
         model.joint_velocities(&base, &mut joint).unwrap();

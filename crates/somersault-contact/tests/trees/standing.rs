@@ -1,22 +1,18 @@
 //! A quadruped and a biped that stand: at rest to rounding on level ground and below the angle of friction, and sliding above it.
 
-use nalgebra::{DMatrix, DVector, Matrix3, UnitQuaternion, Vector3};
-use somersault_contact::contacts::Contact;
+use nalgebra::{DMatrix, DVector, Vector3};
 use somersault_contact::event::EventKind;
+use somersault_contact::laws::ContactMode;
 use somersault_contact::laws::compliant::CompliantLaw;
 use somersault_contact::laws::coulomb::CoulombFriction;
-use somersault_contact::laws::{ContactLaw, ContactMode};
-use somersault_contact::surface::{HalfSpace, Surface};
-use somersault_contact::tree::{LinkContact, TouchingState, TreeInContact, geometry_contacts};
+use somersault_contact::models::{PlanarBiped, Quadruped, TreeContactSystem};
+use somersault_contact::tree::{LinkContact, TouchingState, TreeInContact};
 use somersault_integrators::driver::{Adaptive, Steps};
 use somersault_integrators::events::Location;
 use somersault_integrators::methods::Method;
 use somersault_integrators::run::Run;
 use somersault_multibody::motion::{TreeForces, TreeState, TreeSystem};
-use somersault_multibody::urdf::{self, Base, UrdfOptions};
-use somersault_multibody::{Data, Joint, Link, MassProperties, Model};
-use std::f64::consts::FRAC_PI_2;
-use std::sync::Arc;
+use somersault_multibody::{Data, Model};
 
 const FRICTION: f64 = 0.25;
 const GRAVITY: f64 = 9.81;
@@ -24,51 +20,6 @@ const GRAVITY: f64 = 9.81;
 /// Weight on ground that rises by an angle to x, in axes along and across it.
 fn weight(slope: f64) -> Vector3<f64> {
     Vector3::new(-slope.sin(), 0.0, -slope.cos()) * GRAVITY
-}
-
-fn law() -> ContactLaw {
-    let friction = CoulombFriction::try_new(FRICTION, 1.5e4, 100.0).unwrap();
-    ContactLaw::from(CompliantLaw::try_new(2e4, 150.0).unwrap()).with_friction(friction)
-}
-
-fn ground() -> Arc<dyn Surface> {
-    Arc::new(HalfSpace::ground())
-}
-
-/// A quadruped of 13.6 kg: a trunk, and four legs of two hinges, with balls as feet.
-pub(crate) fn quadruped_text() -> String {
-    let inertial = |mass: f64, center: f64, [x, y, z]: [f64; 3]| {
-        let moments = [(y, z), (x, z), (x, y)].map(|(a, b)| mass / 12.0 * (a * a + b * b));
-        format!(
-            r#"<inertial><origin xyz="0 0 {center}"/><mass value="{mass}"/>
-            <inertia ixx="{}" ixy="0" ixz="0" iyy="{}" iyz="0" izz="{}"/></inertial>"#,
-            moments[0], moments[1], moments[2]
-        )
-    };
-    let hinge = |name: &str, [parent, child]: [&str; 2], place: [f64; 3]| {
-        format!(
-            r#"<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{child}"/>
-            <origin xyz="{} {} {}"/><axis xyz="0 1 0"/><dynamics damping="2"/></joint>"#,
-            place[0], place[1], place[2]
-        )
-    };
-    let mut text = format!(
-        r#"<robot name="quadruped"><link name="trunk">{}
-        <collision><geometry><box size="0.5 0.3 0.1"/></geometry></collision></link>"#,
-        inertial(8.0, 0.0, [0.5, 0.3, 0.1])
-    );
-    for (leg, x, y) in [("lf", 0.2, 0.15), ("rf", 0.2, -0.15), ("lh", -0.2, 0.15), ("rh", -0.2, -0.15)] {
-        let [thigh, shank] = ["thigh", "shank"].map(|part| format!("{leg}_{part}"));
-        text += &hinge(&format!("{leg}_hip"), ["trunk", &thigh], [x, y, 0.0]);
-        text += &format!(r#"<link name="{thigh}">{}</link>"#, inertial(1.0, -0.11, [0.04, 0.04, 0.22]));
-        text += &hinge(&format!("{leg}_knee"), [&thigh, &shank], [0.0, 0.0, -0.22]);
-        text += &format!(
-            r#"<link name="{shank}">{}<collision><origin xyz="0 0 -0.22"/>
-            <geometry><sphere radius="0.02"/></geometry></collision></link>"#,
-            inertial(0.4, -0.1, [0.03, 0.03, 0.22])
-        );
-    }
-    text + "</robot>"
 }
 
 /// Springs and dampers that hold the joints at some angles: those of which the velocities are numbers `from` and above.
@@ -132,51 +83,25 @@ impl Scene {
 }
 
 fn quadruped(slope: f64) -> Scene {
-    let options = UrdfOptions { base: Base::Free, gravity: weight(slope), strict: true };
-    let robot = urdf::read(&quadruped_text(), &options).unwrap();
-    let found = geometry_contacts(&robot.model, &robot.geometry, None, &ground(), &law()).unwrap();
-    assert_eq!((found.contacts.len(), found.left_out.len()), (12, 0));
-    assert_eq!(found.contacts[8].name(), "lf_shank");
-    let mut guess = robot.model.neutral();
-    let (hip, knee): (f64, f64) = (0.5, -1.0);
-    guess[2] = 0.22 * (hip.cos() + (hip + knee).cos()) + 0.02 - 1e-3;
-    guess[7..].iter_mut().enumerate().for_each(|(i, angle)| *angle = [hip, knee][i % 2]);
-    Scene {
-        model: robot.model,
-        contacts: found.contacts,
-        guess,
-        from: [7, 6],
-        stiffness: 400.0,
-        damping: 4.0,
-    }
+    let example = Quadruped::example().unwrap();
+    let friction = CoulombFriction::try_new(FRICTION, 1.5e4, 100.0).unwrap();
+    let quadruped = Quadruped { gravity: weight(slope), friction, height: -1e-3, ..example };
+    let TreeContactSystem { model, contacts, q, .. } = quadruped.system().unwrap();
+    assert_eq!((contacts.len(), contacts[8].name()), (12, "lf_shank"));
+    Scene { model, contacts, guess: q, from: [7, 6], stiffness: 400.0, damping: 4.0 }
 }
 
-/// A biped of 60 kg in the plane of x and z, astride: a trunk, thighs and shanks, with points as feet.
+/// A biped of 60 kg in the plane of x and z, astride.
 fn biped(slope: f64) -> Scene {
-    let down = -Vector3::y();
-    let mass = |mass: f64, center: Vector3<f64>, moment| MassProperties {
-        mass,
-        center,
-        inertia: Matrix3::from_diagonal_element(moment),
-    };
-    let hinge = Joint::Revolute { axis: Vector3::z() };
-    let plane = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), FRAC_PI_2);
-    let mut builder = Model::builder().with_gravity(weight(slope));
-    let trunk = Link::root("trunk", Joint::Planar, mass(40.0, Vector3::y() * 0.3, 2.0));
-    builder.add(trunk.turned(plane)).unwrap();
-    let mut contacts = Vec::new();
-    for side in ["front", "back"] {
-        let [thigh, shank] = ["thigh", "shank"].map(|part| format!("{side} {part}"));
-        builder.add(Link::child(thigh.as_str(), "trunk", hinge, mass(7.0, down * 0.2, 0.1))).unwrap();
-        let lower = Link::child(shank.as_str(), thigh.as_str(), hinge, mass(3.0, down * 0.2, 0.05));
-        builder.add(lower.at(down * 0.45)).unwrap();
-        let foot = Contact::try_new(down * 0.45, ground(), law()).unwrap();
-        contacts.push(LinkContact::new(format!("{side} foot"), shank, foot));
-    }
+    let example = PlanarBiped::example().unwrap();
+    let law = CompliantLaw::try_new(2e4, 150.0).unwrap();
+    let friction = CoulombFriction::try_new(FRICTION, 1.5e4, 100.0).unwrap();
+    let biped = PlanarBiped { gravity: weight(slope), law, friction, ..example };
+    let TreeContactSystem { model, contacts, .. } = biped.system().unwrap();
     let (spread, bend) = (0.4, 0.1);
     let height = 0.45 * (f64::cos(spread + bend) + f64::cos(spread - bend));
     let guess = vec![0.0, height - 0.01, 0.0, spread + bend, -2.0 * bend, -spread + bend, -2.0 * bend];
-    Scene { model: builder.build().unwrap(), contacts, guess, from: [3, 3], stiffness: 1e4, damping: 100.0 }
+    Scene { model, contacts, guess, from: [3, 3], stiffness: 1e4, damping: 100.0 }
 }
 
 fn run(system: &TreeInContact<'_, Held>, from: &TouchingState, time: f64) -> (TouchingState, Vec<EventKind>) {

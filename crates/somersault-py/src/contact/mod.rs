@@ -7,6 +7,7 @@ pub(crate) mod sensitivity;
 pub(crate) mod surface;
 pub(crate) mod system;
 pub(crate) mod tree;
+mod tree_models;
 pub(crate) mod tree_sensitivity;
 
 /// Compliant contact, its events and its derivatives.
@@ -31,7 +32,11 @@ pub(crate) mod module {
         ContactSystem, bouncing_ball, falling_box, rolling_disk, sliding_block, spinning_top, tippe_top,
     };
     #[pymodule_export]
-    use crate::contact::tree::{HoppingLeg, LinkContact, LinkEvent, LinkPair, TreeContacts, hopping_leg};
+    use crate::contact::tree::{LinkContact, LinkEvent, LinkPair, TreeContacts};
+    #[pymodule_export]
+    use crate::contact::tree_models::{
+        TreeContactSystem, hopping_leg, planar_biped, quadruped, ragdoll, springboard,
+    };
     #[pymodule_export]
     use crate::contact::tree_sensitivity::{TreeSensitivities, differentiate_tree};
     #[pymodule_export]

@@ -7,7 +7,7 @@ use crate::contact::laws::{
 use crate::core::callable::Failure;
 use crate::core::convert::{a_type, array, finite_all, sequence, vector_array, vector_or, with_shape};
 use crate::core::error::Error;
-use crate::core::value::{Pickled, brief, by_class, by_restore, counted, few, value};
+use crate::core::value::{Pickled, brief, by_class, counted, few, value};
 use crate::multibody::given::Given;
 use crate::multibody::kinematics::write;
 use crate::multibody::model::Model;
@@ -16,7 +16,6 @@ use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::contact::event::EventKind;
 use somersault::contact::laws::ContactLaw;
-use somersault::contact::models;
 use somersault::contact::tree::{self, ContactState, TouchingState, TreeInContact};
 use somersault::integrators::augmented::Augmented;
 use somersault::integrators::events;
@@ -771,115 +770,4 @@ impl TreeContacts {
         let (py, own) = (slf.py(), slf.get());
         by_class(slf, (own.model(py), own.given.listed(py)?))
     }
-}
-
-/// A leg that hops, and where it starts: arguments of `multibody.integrate_tree`.
-///
-/// The links are ``body``, ``thigh`` and ``shank``, in the plane of x and z. Its configuration is (x, z, a, hip, knee): where the
-/// centre of mass of the body is, its lean, and the angles of the joints, positive forward.
-///
-/// Examples
-/// --------
-/// >>> from somersault import contact
-/// >>> leg = contact.hopping_leg()
-/// >>> leg.model.names
-/// ['body', 'thigh', 'shank']
-#[pyclass(frozen, module = "somersault.contact")]
-pub(crate) struct HoppingLeg {
-    leg: models::HoppingLeg,
-    model: Py<Model>,
-    contacts: Vec<Py<LinkContact>>,
-}
-
-value! {
-    impl HoppingLeg {
-        /// Model: The tree.
-        model: Py<Model> = |own, py| own.model.clone_ref(py);
-        /// list of LinkContact: The contact of its foot.
-        contacts: Vec<Py<LinkContact>> =
-            |own, py| own.contacts.iter().map(|contact| contact.clone_ref(py)).collect();
-        /// ndarray, shape (5,): Configuration at the start.
-        q: PyResult<Bound<'py, PyAny>> = |own, py| Ok(array(py, own.leg.start().0.to_vec(), &[5])?.into_any());
-        /// ndarray, shape (5,): Velocity at the start.
-        v: PyResult<Bound<'py, PyAny>> = |own, py| Ok(array(py, own.leg.start().1.to_vec(), &[5])?.into_any());
-    }
-}
-
-#[pymethods]
-impl HoppingLeg {
-    /// Joint forces at a time; `multibody.integrate_tree` takes this method as its `torque`.
-    ///
-    /// Parameters
-    /// ----------
-    /// t : float
-    ///     Time, s.
-    /// q, v : array_like
-    ///     Not used.
-    ///
-    /// Returns
-    /// -------
-    /// ndarray, shape (5,)
-    ///     N and N m.
-    ///
-    /// Examples
-    /// --------
-    /// >>> from somersault import contact
-    /// >>> leg = contact.hopping_leg()
-    /// >>> leg.torque(0.0, leg.q, leg.v).round(3)
-    /// array([ 0.   ,  0.   ,  0.   ,  4.368, -0.995])
-    fn torque<'py>(
-        &self,
-        py: Python<'py>,
-        t: f64,
-        q: &Bound<'py, PyAny>,
-        v: &Bound<'py, PyAny>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let _ = (q, v);
-        let mut torque = vec![0.0; 5];
-        self.leg.add_torques(t, &mut torque);
-        Ok(array(py, torque, &[5])?.into_any())
-    }
-
-    fn __repr__(&self) -> String {
-        "<HoppingLeg: a leg of 3 links, 1 contact>".to_owned()
-    }
-
-    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
-        by_restore(slf, ())
-    }
-
-    /// A pickled leg.
-    #[classmethod]
-    fn _restore(_: &Bound<'_, PyType>, py: Python<'_>) -> Result<Self, Error> {
-        hopping_leg(py)
-    }
-}
-
-/// A leg that hops on the ground z = 0: a body of 5 kg on thigh and shank, driven by sines at hip and knee.
-///
-/// Its foot sticks and slips. In 0.6 s it makes three hops.
-///
-/// Returns
-/// -------
-/// HoppingLeg
-///
-/// Examples
-/// --------
-/// >>> from somersault import contact, multibody
-/// >>> leg = contact.hopping_leg()
-/// >>> motion = multibody.integrate_tree(
-/// ...     leg.model, leg.q, leg.v, (0.0, 0.6), torque=leg.torque, contacts=leg.contacts)
-/// >>> [event.kind for event in motion.events].count("touch_down")
-/// 3
-#[pyfunction]
-pub(crate) fn hopping_leg(py: Python<'_>) -> Result<HoppingLeg, Error> {
-    let leg = models::HoppingLeg::example()?;
-    let model = Py::new(py, Model::of(leg.model()?))?;
-    let contact = |own: tree::LinkContact| -> Result<_, Error> {
-        let contact = Py::new(py, Contact::of(py, own.contact())?)?;
-        let (name, link) = (own.name().to_owned(), own.link().to_owned());
-        Ok(Py::new(py, LinkContact { name, link, contact, on: None })?)
-    };
-    let contacts = leg.contacts()?.into_iter().map(contact).collect::<Result<_, _>>()?;
-    Ok(HoppingLeg { leg, model, contacts })
 }
