@@ -75,7 +75,7 @@ def test_derivatives_of_a_hop_are_differences_of_hops() -> None:
     np.testing.assert_array_equal(again.by_state, found.by_state)
     with pytest.raises(somersault.InputError, match="`parameters` must hold"):
         contact.differentiate_tree(leg.model, leg.q, leg.v, (0.0, 0.1), parameters=["mass"], **given)  # type: ignore[list-item]
-    with pytest.raises(somersault.InputError, match="must name a degree of freedom below 5, found the force of 5"):
+    with pytest.raises(somersault.InputError, match="a degree of freedom below 5, found the force of 5"):
         contact.differentiate_tree(leg.model, leg.q, leg.v, (0.0, 0.1), parameters=[("torque", 5)], **given)
 
 
