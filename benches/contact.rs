@@ -1,19 +1,28 @@
 //! Time per step of the spinning top of thesis 7.3.2: without contacts, with the guard of its tip watched in
 //! flight, and with the contact active; the time of one second with its seven events, with fixed and with adapted
-//! steps; and that of a box dropped on a corner, whose friction is a law asked through its object.
+//! steps; that of a box dropped on a corner, whose friction is a law asked through its object; and that of a chain of 16 links by the
+//! number of balls on it that touch the ground.
 //!
 //! `cargo bench --bench contact`; criterion reports the time of one element, which is one step.
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use somersault::contact::contacts::Contact;
 use somersault::contact::laws::ContactLaw;
 use somersault::contact::laws::compliant::CompliantLaw;
+use somersault::contact::laws::coulomb::CoulombFriction;
 use somersault::contact::laws::regularised::RegularisedFriction;
 use somersault::contact::models::{FallingBox, SpinningTop};
+use somersault::contact::surface::HalfSpace;
+use somersault::contact::tree::{LinkContact, TreeInContact};
 use somersault::integrators::driver::{Adaptive, Steps};
 use somersault::integrators::events::Location;
+use somersault::integrators::nalgebra::Matrix3;
 use somersault::integrators::stepper::Scope;
+use somersault::multibody::motion::TreeSystem;
+use somersault::multibody::{Joint, Link, MassProperties, Model};
 use somersault::prelude::*;
 use std::hint::black_box;
+use std::sync::Arc;
 use std::time::Duration;
 
 const STEPS: u64 = 1_000;
@@ -77,12 +86,52 @@ fn box_with_regularised_friction(c: &mut Criterion) {
     group.finish();
 }
 
+/// A chain of 16 links that lies on the ground, with so many balls that touch it, over its links in turn: what a step costs by the number of
+/// contacts.
+fn contacts_of_a_tree(c: &mut Criterion) {
+    let rod = MassProperties { mass: 1.0, center: Vector3::x() * 0.1, inertia: Matrix3::identity() * 0.01 };
+    let mut builder = Model::builder();
+    builder.add(Link::root("0", Joint::Free, rod)).expect("a root");
+    for i in 1..16 {
+        let axis = [Vector3::y(), Vector3::z()][i % 2];
+        let link = Link::child(i.to_string(), (i - 1).to_string(), Joint::Revolute { axis }, rod);
+        builder.add(link.at(Vector3::x() * 0.2)).expect("a link");
+    }
+    let model = builder.build().expect("a chain");
+    let friction = CoulombFriction::try_new(0.5, 1e4, 50.0).expect("a coefficient, a spring and a damper");
+    let law = ContactLaw::from(CompliantLaw::try_new(1e4, 50.0).expect("a spring and a damper"))
+        .with_friction(friction);
+    let ground = Arc::new(HalfSpace::ground());
+    let grid = TimeGrid::try_new(0.0, 2e-3, 1e-5).expect("a forward interval");
+    let mut group = c.benchmark_group("contacts_of_a_tree");
+    group.throughput(Throughput::Elements(grid.steps()));
+    for n in [0, 1, 2, 4, 8, 16, 32] {
+        let ball = |i: usize| {
+            let centre = Vector3::new(0.2 * ((i / 16) as f64), 0.0, 0.049);
+            let ball = Contact::try_ball(centre, 0.05, ground.clone(), law.clone()).expect("a ball");
+            LinkContact::new(format!("ball {i}"), (i % 16).to_string(), ball)
+        };
+        let system = TreeInContact::try_new(TreeSystem::new(&model, ()), (0..n).map(ball).collect(), vec![]);
+        let system = system.expect("links of the chain");
+        let still = model.state(&model.neutral(), &[0.0; 21]).expect("a state");
+        let start = system.unstretched(still);
+        for method in [Method::Rkmk, Method::Rkmk8] {
+            group.bench_function(format!("{method}/{n}"), |b| {
+                b.iter(|| {
+                    Run::new(&system, method, grid).locating(Location::default()).from(black_box(&start))
+                })
+            });
+        }
+    }
+    group.finish();
+}
+
 criterion_group! {
     name = contact;
     config = Criterion::default()
         .sample_size(20)
         .warm_up_time(Duration::from_millis(200))
         .measurement_time(Duration::from_millis(600));
-    targets = steps, one_second, box_with_regularised_friction
+    targets = steps, one_second, box_with_regularised_friction, contacts_of_a_tree
 }
 criterion_main!(contact);

@@ -87,13 +87,24 @@ def never_killed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return digest(folder / "whole")
 
 
-@pytest.fixture(scope="module")
-def cluster() -> Iterator[Any]:
+def local_cluster() -> Any:
     """A Dask cluster of two processes on this machine."""
     distributed = pytest.importorskip("distributed", reason="Dask is not installed (extra `dask`)")
-    with distributed.LocalCluster(
+    return distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
-    ) as found:
+    )
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Any]:
+    with local_cluster() as found:
+        yield found
+
+
+@pytest.fixture
+def doomed_cluster() -> Iterator[Any]:
+    """One whose processes may be killed: after some dozens of deaths Dask starts no others."""
+    with local_cluster() as found:
         yield found
 
 
@@ -121,27 +132,27 @@ def test_a_cluster_and_threads_return_the_same(cluster: Any) -> None:
 
 
 @pytest.mark.filterwarnings("default")
-def test_a_call_that_kills_its_process_is_a_failure_of_its_point(cluster: Any) -> None:
+def test_a_call_that_kills_its_process_is_a_failure_of_its_point(doomed_cluster: Any) -> None:
     def deadly(x: int) -> int:
         if x == 3:
             os._exit(1)
         return x
 
-    with cluster.get_client() as client:
+    with doomed_cluster.get_client() as client:
         found = sweep.run(deadly, sweep.grid(x=range(5)), client=client)
     assert found.values == [0, 1, 2, None, 4]
     assert found.failures == {3: sweep.Failure("KilledWorker", "the process of the call was killed")}
 
 
 @pytest.mark.filterwarnings("default")
-def test_points_beside_one_that_kills_its_process_have_their_values(cluster: Any) -> None:
+def test_points_beside_one_that_kills_its_process_have_their_values(doomed_cluster: Any) -> None:
     def deadly(x: int) -> int:
         time.sleep(0.05)
         if x % 4 == 3:
             os._exit(1)
         return x
 
-    with cluster.get_client() as client:
+    with doomed_cluster.get_client() as client:
         found = sweep.run(deadly, sweep.grid(x=range(8)), client=client)
     assert found.values == [0, 1, 2, None, 4, 5, 6, None]
     assert set(found.failures) == {3, 7}
