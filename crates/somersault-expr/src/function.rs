@@ -6,6 +6,7 @@ use crate::graph::{Expression, Graph};
 use crate::sparsity::Sparsity;
 use crate::symbol::Symbol;
 use crate::tape::Tape;
+use crate::traced::{Traced, record};
 use somersault_core::argument::{ArgumentError, expect_length};
 use std::cell::RefCell;
 use std::ops::Range;
@@ -112,6 +113,19 @@ impl ExprFunction {
             formula(&symbols).iter().map(Symbol::expression).collect()
         };
         Self::new(graph.into_inner(), blocks, outputs)
+    }
+
+    /// The function that a formula over any [`Scalar`](somersault_core::Scalar) computes: `formula` is called once, with a [`Traced`] number
+    /// for each input. What it compares is decided at the point `at`; where it would be decided otherwise all outputs are NaN.
+    pub fn record<E: From<ExprError>>(
+        blocks: Vec<Block>,
+        at: &[f64],
+        formula: impl FnOnce(&[Traced]) -> Result<Vec<Traced>, E>,
+    ) -> Result<Self, E> {
+        let n = count(&blocks)?;
+        expect_length("at", at.len(), n).map_err(ExprError::from)?;
+        let (graph, outputs) = record(at, formula)?;
+        Ok(Self::new(graph, blocks, outputs)?)
     }
 
     /// The blocks of inputs.

@@ -26,7 +26,7 @@
 //! | tan, inverse and hyperbolic functions, expm1, log1p, ∛, power, atan2, hypot | one by one | exact |
 //!
 //! References: A. Griewank & A. Walther, Evaluating Derivatives (2008). J. Andersson et al., Math. Program. Comput. 11 (2019) 1–36.
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 #![cfg_attr(
     not(test),
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::unreachable, clippy::todo)
@@ -44,6 +44,7 @@ mod operation;
 mod sparsity;
 mod symbol;
 mod tape;
+mod traced;
 
 pub use error::ExprError;
 pub use evaluator::Evaluator;
@@ -55,3 +56,4 @@ pub use somersault_core::argument::ArgumentError;
 pub use somersault_core::cancel::CancellationToken;
 pub use sparsity::Sparsity;
 pub use symbol::Symbol;
+pub use traced::Traced;

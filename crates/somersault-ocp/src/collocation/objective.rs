@@ -1,10 +1,12 @@
 //! Costs and constraints of a phase, whose cost can be exchanged for effort while a start is sought.
 
+use super::error::Untraced;
 use super::function::{RelativeErrors, VectorFunction};
 use super::shared::Shared;
 use super::wrong_derivative::Labels;
 use crate::WrongDerivative;
 use nalgebra::DMatrix;
+use somersault_expr::ExprFunction;
 use somersault_nlp::EvaluationError;
 
 /// One argument of an effort ½ Σ w (a − c)².
@@ -93,6 +95,22 @@ impl VectorFunction for Objective {
         self.weights.copy_from_slice(weights);
         self.weights[0] = 0.0;
         self.function.add_hessian(arguments, &self.weights, hessian)
+    }
+
+    fn expressions(&self, at: &[f64]) -> Result<ExprFunction, Untraced> {
+        let function = self.function.expressions(at)?;
+        let Some(effort) = &self.effort else { return Ok(function) };
+        let (mut graph, mut outputs) = (function.graph().clone(), function.outputs().to_vec());
+        let mut cost = graph.constant(0.0);
+        for Square { argument, weight, centre } in effort {
+            let [half, centre] = [0.5 * weight, *centre].map(|x| graph.constant(x));
+            let apart = graph.subtract(graph.inputs()[*argument], centre);
+            let square = graph.multiply(apart, apart);
+            let part = graph.multiply(half, square);
+            cost = graph.add(cost, part);
+        }
+        outputs[0] = cost;
+        Ok(ExprFunction::new(graph, function.blocks().to_vec(), outputs)?)
     }
 
     fn set_sizes(&mut self, arguments: &[f64], sizes: &[f64]) -> Result<(), EvaluationError> {

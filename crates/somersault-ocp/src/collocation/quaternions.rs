@@ -11,14 +11,15 @@
 //! rotations about body axes. The norm at other points is one to the tolerance of the equations.
 
 use super::bounds::PhaseBounds;
-use super::error::CollocationError;
-use super::function::{RelativeErrors, VectorFunction};
+use super::error::{CollocationError, Untraced};
+use super::function::{RelativeErrors, VectorFunction, arguments};
 use super::guess::{Guess, middle};
 use super::interval::Interval;
 use super::wrong_derivative::Labels;
 use crate::WrongDerivative;
 use nalgebra::{DMatrix, Quaternion, UnitQuaternion, Vector3};
 use somersault_core::lie::so3;
+use somersault_expr::{ExprFunction, Expression, Graph};
 use somersault_nlp::EvaluationError;
 use std::f64::consts::TAU;
 
@@ -355,6 +356,21 @@ impl VectorFunction for AtUnitQuaternions {
         Ok(())
     }
 
+    fn expressions(&self, at: &[f64]) -> Result<ExprFunction, Untraced> {
+        let mut unit = at.to_vec();
+        normalize(&self.quaternions, &mut unit);
+        let function = self.function.expressions(&unit)?;
+        let mut graph = Graph::new();
+        let mut inputs: Vec<Expression> = at.iter().map(|_| graph.input()).collect();
+        for &first in &self.quaternions {
+            let square = square_of_norm(&mut graph, &inputs[first..first + WIDTH]);
+            let norm = graph.sqrt(square);
+            inputs[first..first + WIDTH].iter_mut().for_each(|x| *x = graph.divide(*x, norm));
+        }
+        let outputs = graph.insert(function.graph(), function.outputs(), &inputs)?;
+        Ok(ExprFunction::new(graph, arguments(at.len()), outputs)?)
+    }
+
     fn set_sizes(&mut self, arguments: &[f64], sizes: &[f64]) -> Result<(), EvaluationError> {
         self.place(arguments);
         self.function.set_sizes(&self.unit, sizes)
@@ -377,6 +393,16 @@ impl VectorFunction for AtUnitQuaternions {
         self.place(arguments);
         self.function.wrong_derivative(&self.unit, sizes, labels)
     }
+}
+
+/// |q|² of the entries of a quaternion.
+fn square_of_norm(graph: &mut Graph, entries: &[Expression]) -> Expression {
+    let mut sum = graph.constant(0.0);
+    for &x in entries {
+        let square = graph.multiply(x, x);
+        sum = graph.add(sum, square);
+    }
+    sum
 }
 
 /// Rows of quaternions over the arguments of end constraints.
@@ -427,5 +453,26 @@ impl VectorFunction for EndRows {
             }
         }
         Ok(())
+    }
+
+    fn expressions(&self, at: &[f64]) -> Result<ExprFunction, Untraced> {
+        let mut graph = Graph::new();
+        let inputs: Vec<Expression> = at.iter().map(|_| graph.input()).collect();
+        let mut outputs = Vec::new();
+        for row in &self.0 {
+            outputs.push(match row {
+                EndRow::Product { first, by } => {
+                    let mut sum = graph.constant(0.0);
+                    for (&x, &by) in inputs[*first..].iter().zip(by) {
+                        let by = graph.constant(by);
+                        let product = graph.multiply(by, x);
+                        sum = graph.add(sum, product);
+                    }
+                    sum
+                }
+                EndRow::Norm { first } => square_of_norm(&mut graph, &inputs[*first..first + WIDTH]),
+            });
+        }
+        Ok(ExprFunction::new(graph, arguments(at.len()), outputs)?)
     }
 }
