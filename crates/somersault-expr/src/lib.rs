@@ -3,7 +3,8 @@
 //! # How it works
 //!
 //! **Graph.** A [`Graph`] holds expressions by their numbers, arguments before results. An operation on arguments that it has had before
-//! is the same node. [`Symbol`] gives expressions the operators of Rust; [`ExprFunction::trace`] calls a formula with them.
+//! is the same node. [`Symbol`] gives expressions the operators of Rust; [`ExprFunction::trace`] calls a formula with them. A formula over any
+//! [`Scalar`](somersault_core::Scalar) is called with [`Traced`] numbers by [`ExprFunction::record`].
 //!
 //! **Simplifications** keep values, as those of CasADi do, but for two things: the sign of a zero, as in x + 0, and a factor that is
 //! the constant 0, which makes the product 0 although x may be infinite or NaN. Without the latter no matrix with zeros would
