@@ -215,5 +215,7 @@ def test_what_is_wrong_is_said() -> None:
         InputError, match=r"`final` must have a quaternion of norm 1, to a thousandth, at entry 0 \(q_hub_x\)"
     ):
         half_turn((0, 0, 0.9, 0))
-    with pytest.raises(InputError, match="`dynamics` must be a function for `polish`"):
+    with pytest.raises(
+        InputError, match="no ball or free joint for `polish`, found the quaternion that begins at `q_hub_x`"
+    ):
         half_turn().polish(half_turn().solve(tol=1e-3))

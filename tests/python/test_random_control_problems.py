@@ -1,5 +1,6 @@
 """Random optimal control problems: what is claimed of a solution holds by an independent integration."""
 
+import itertools
 from collections.abc import Callable
 from typing import Any
 
@@ -145,7 +146,9 @@ def tree(rng: np.random.Generator) -> tuple[ocp.ControlProblem, Rates]:
         torque[driven] = u
         return [*x[n:], *model.forward_dynamics(x[:n], x[n:], torque)]
 
-    final = [float(angle) if moved else None for angle, moved in zip(rng.uniform(-1, 1, n), driven, strict=True)]
+    final = [
+        float(angle) if moved else None for angle, moved in zip(rng.uniform(-1, 1, n), driven, strict=True)
+    ]
     problem = ocp.ControlProblem(
         model,
         actuated=driven.tolist(),
@@ -171,7 +174,7 @@ def worst_defect(t: Any, x: Any, control: Callable[[float], Any], rates: Rates) 
     """The largest error at a node, integrated from the node before it, relative to the sizes of states."""
     size = np.abs(x).max(axis=0) + 1.0
     worst = 0.0
-    for k, (start, end) in enumerate(zip(t[:-1], t[1:], strict=True)):
+    for k, (start, end) in enumerate(itertools.pairwise(t)):
         inside = end - 1e-12 * (end - start)
         arrived = scipy.integrate.solve_ivp(
             lambda t, x: rates(x, control(min(t, inside)), t),  # noqa: B023
