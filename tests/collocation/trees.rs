@@ -67,7 +67,7 @@ fn assert_same(function: &mut dyn VectorFunction, at: &[f64], w: &[f64], what: &
     let moved: Vec<f64> = at.iter().enumerate().map(|(k, x)| x + 1e-2 * (k as f64).sin()).collect();
     for at in [at, &moved] {
         let (found, known) = (evaluated(&mut graph, at, w), evaluated(function, at, w));
-        // measured: values to the bit, Hessians to 5·10⁻¹¹ of their largest entry
+        // measured: values bit for bit, Hessians to 5·10⁻¹¹ of their largest entry
         for (found, known, rounding) in
             [(found.0, known.0, 1e-12), (found.1, known.1, 1e-11), (found.2, known.2, 1e-10)]
         {
@@ -84,6 +84,19 @@ fn expressions_of_random_trees_are_their_dynamics() {
         let w = random.numbers(tree.n_states(), 1.0);
         assert_same(&mut tree, &at, &w, &format!("tree {seed}"));
     }
+}
+
+#[test]
+fn expressions_of_joints_that_follow_others_are_their_dynamics() {
+    let mut builder = Model::builder();
+    for link in chain(4).links() {
+        let follows = link.name() == "3";
+        builder.add(if follows { link.clone().following("1", -0.5, 0.2) } else { link.clone() }).unwrap();
+    }
+    let mut tree = TreeDynamics::try_new(&builder.build().unwrap(), &[0, 1]).unwrap();
+    let mut random = Random::new(7);
+    let (at, w) = (random.numbers(8, 1.0), random.numbers(6, 1.0));
+    assert_same(&mut tree, &at, &w, "geared chain");
 }
 
 #[test]

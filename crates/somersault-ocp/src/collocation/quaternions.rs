@@ -363,7 +363,11 @@ impl VectorFunction for AtUnitQuaternions {
         let mut graph = Graph::new();
         let mut inputs: Vec<Expression> = at.iter().map(|_| graph.input()).collect();
         for &first in &self.quaternions {
-            let square = square_of_norm(&mut graph, &inputs[first..first + WIDTH]);
+            let mut square = graph.constant(0.0);
+            for &x in &inputs[first..first + WIDTH] {
+                let product = graph.multiply(x, x);
+                square = graph.add(square, product);
+            }
             let norm = graph.sqrt(square);
             inputs[first..first + WIDTH].iter_mut().for_each(|x| *x = graph.divide(*x, norm));
         }
@@ -393,16 +397,6 @@ impl VectorFunction for AtUnitQuaternions {
         self.place(arguments);
         self.function.wrong_derivative(&self.unit, sizes, labels)
     }
-}
-
-/// |q|² of the entries of a quaternion.
-fn square_of_norm(graph: &mut Graph, entries: &[Expression]) -> Expression {
-    let mut sum = graph.constant(0.0);
-    for &x in entries {
-        let square = graph.multiply(x, x);
-        sum = graph.add(sum, square);
-    }
-    sum
 }
 
 /// Rows of quaternions over the arguments of end constraints.
@@ -453,26 +447,5 @@ impl VectorFunction for EndRows {
             }
         }
         Ok(())
-    }
-
-    fn expressions(&self, at: &[f64]) -> Result<ExprFunction, Untraced> {
-        let mut graph = Graph::new();
-        let inputs: Vec<Expression> = at.iter().map(|_| graph.input()).collect();
-        let mut outputs = Vec::new();
-        for row in &self.0 {
-            outputs.push(match row {
-                EndRow::Product { first, by } => {
-                    let mut sum = graph.constant(0.0);
-                    for (&x, &by) in inputs[*first..].iter().zip(by) {
-                        let by = graph.constant(by);
-                        let product = graph.multiply(by, x);
-                        sum = graph.add(sum, product);
-                    }
-                    sum
-                }
-                EndRow::Norm { first } => square_of_norm(&mut graph, &inputs[*first..first + WIDTH]),
-            });
-        }
-        Ok(ExprFunction::new(graph, arguments(at.len()), outputs)?)
     }
 }
