@@ -244,6 +244,10 @@ def test_what_a_way_cannot_take_is_named() -> None:
     )
     with pytest.raises(InputError, match="no ball or free joint for `method='indirect'`"):
         turned.solve(method="indirect")
+    drag = ocp.ExternalFunction(lambda v: v**2, name="drag")
+    dragged = ocp.ControlProblem(rods(1), initial=[0, 0], running_cost=lambda x, u: u[0] ** 2 + drag(x[1]))
+    with pytest.raises(InputError, match="must be traced for `polish`, found the ExternalFunction `drag`"):
+        dragged.polish(dragged.solve(tol=1e-3))
     endless = ocp.ControlProblem(
         lambda x, u: [u[0]], 1, 1, initial=[0], final=[1], duration=(0.1, np.inf), end_cost=lambda x, t: t
     )
