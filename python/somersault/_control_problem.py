@@ -368,7 +368,8 @@ class ControlProblem:
         Raises
         ------
         somersault.errors.InputError
-            If splines cannot take the problem, or ``'indirect'`` is given one that is not traced.
+            If splines cannot take the problem, or ``'indirect'`` is given one with an `ExternalFunction`, or
+            a tree with a ball or free joint.
 
         Examples
         --------
@@ -485,7 +486,7 @@ class ControlProblem:
         Parameters
         ----------
         found : CollocationResult
-            The result of this problem, whose dynamics are a function.
+            The result of this problem.
         max_evaluations : int, optional
             Of the equations of all arcs.
         max_time : float, optional
@@ -500,7 +501,8 @@ class ControlProblem:
         Raises
         ------
         somersault.errors.InputError
-            If `found` is of another problem, or the dynamics are those of a tree.
+            If `found` is of another problem, something calls an `ExternalFunction`, or a tree has a ball or
+            free joint.
 
         Examples
         --------
@@ -515,6 +517,13 @@ class ControlProblem:
         ('first_order', 4.444444444, array([0.3, 0.7]))
         >>> [arc["bound"] for arc in exact.arcs]
         [None, 'x', None]
+
+        A tree is polished as it is posed:
+
+        >>> arm = ocp.arm_problem((0, 0, 0, 0), (0.5, 0, 0, 0), 2.0)
+        >>> exact = arm.polish(arm.solve(tol=1e-4))
+        >>> exact.verdict, exact.residual < 1e-10
+        ('strict_minimum', True)
         """
         if not isinstance(found, CollocationResult):
             raise TypeError(f"`found` must be a CollocationResult, found {_article(type(found).__name__)}")

@@ -61,7 +61,7 @@ class ExternalFunction:
     `jacobian` and `hessian` are compared with differences before each solve, at the guess and at random
     points near it; an entry that is wrong is an `InputError` that names it. What the callables raise comes
     out of the solve as it was raised, with the best iterate as the attribute ``solution``. Where a value is
-    not finite, a step is rejected. `polish` needs problems that are traced throughout.
+    not finite, a step is rejected. `polish` takes no problem with such a function.
 
     Examples
     --------

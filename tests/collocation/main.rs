@@ -11,4 +11,5 @@ mod radau;
 mod sensitivity;
 mod solution_methods;
 mod starts;
+mod trees;
 mod untraced;

@@ -4,6 +4,7 @@ use nalgebra::DMatrix;
 use somersault_core::differences::Differences;
 use somersault_expr::{Block, ExprFunction};
 use somersault_nlp::{EvaluationError, Flow, Status};
+use somersault_ocp::arcs::{Polish, Verdict};
 use somersault_ocp::collocation::{
     Collocation, CollocationError, CollocationReport, CollocationStatus, ComposedFunction, ExternalFunction,
     Labels, Mesh, Phase, Problem, SearchError, TracedFunction, VectorFunction,
@@ -76,6 +77,8 @@ fn derivatives_go_through_calls_of_what_calls_return() {
         assert!((&hessians[0] - &hessians[1]).amax() < 1e-6 * size);
     }
     assert!(composed.relative_errors().derivatives == Differences::OF_ROUNDED.accuracy());
+    let none = composed.expressions(&[0.7, -1.3]).unwrap_err().to_string();
+    assert_eq!(none, "the function `sine` is not traced");
 }
 
 /// A block that is pushed, with one entry of its Jacobian multiplied.
@@ -131,10 +134,14 @@ fn solved(problem: &mut Problem, max_evaluations: Option<usize>) -> CollocationR
 
 #[test]
 fn a_wrong_derivative_behind_a_search_without_a_solution_is_named() {
-    assert_eq!(
-        solved(&mut effort(Box::new(Pushed { factor: 1.0 })), None).status,
-        CollocationStatus::Converged
-    );
+    let mut right = effort(Box::new(Pushed { factor: 1.0 }));
+    let report = solved(&mut right, None);
+    assert_eq!(report.status, CollocationStatus::Converged);
+    // it has derivatives of second order, and arcs need more
+    let found = Polish::default().polish(&mut right, &report).unwrap();
+    assert_eq!((found.cost, found.arcs.len()), (report.cost, 0));
+    let Verdict::Refused { reason } = found.verdict else { panic!("{}", found.verdict) };
+    assert!(reason.contains("a function that brings its derivatives has none"), "{reason}");
     let found = solved(&mut effort(Box::new(Pushed { factor: -2.0 })), None);
     assert!(matches!(found.status, CollocationStatus::NotSolved(_)), "{:?}", found.status);
     let wrong = found.wrong_derivative.unwrap();

@@ -584,15 +584,6 @@ def test_extremals_that_are_no_minima_and_motions_that_chatter_are_refused_with_
 
 
 def test_what_cannot_be_polished_says_why() -> None:
-    tree = ocp.ControlProblem(
-        multibody.cart_pendulum(),
-        actuated=["cart"],
-        initial=[0, 0, 0, 0],
-        final=[1, 0, 0, 0],
-        running_cost=lambda x, u: u.u_cart**2,
-    )
-    with pytest.raises(somersault.errors.InputError, match="`dynamics` must be a function for `polish`"):
-        tree.polish(tree.solve(tol=1e-3))
     problem = massive(2.0)
     found = problem.solve()
     with pytest.raises(TypeError, match="`found` must be a CollocationResult, found an int"):

@@ -195,7 +195,11 @@ def test_costs_and_integrals_see_unit_quaternions_and_planar_joints_work() -> No
         running_cost=lambda x, u: 0.5 * u @ u,
     )
     assert pushed.state_names[:3] == ["q_hub_px", "q_hub_py", "q_hub_angle"]
-    assert pushed.solve().cost == pytest.approx(6 * (1 + 4 + 1), rel=1e-6)
+    pushed_there = pushed.solve()
+    assert pushed_there.cost == pytest.approx(6 * (1 + 4 + 1), rel=1e-6)
+    # positions of a planar joint are numbers, so that it has arcs
+    exact = pushed.polish(pushed_there)
+    assert exact.success and exact.cost == pytest.approx(36, rel=1e-9), exact.message
 
 
 def test_an_orientation_continues_from_phase_to_phase() -> None:
@@ -215,5 +219,7 @@ def test_what_is_wrong_is_said() -> None:
         InputError, match=r"`final` must have a quaternion of norm 1, to a thousandth, at entry 0 \(q_hub_x\)"
     ):
         half_turn((0, 0, 0.9, 0))
-    with pytest.raises(InputError, match="`dynamics` must be a function for `polish`"):
+    with pytest.raises(
+        InputError, match="no ball or free joint for `polish`, found the quaternion that begins at `q_hub_x`"
+    ):
         half_turn().polish(half_turn().solve(tol=1e-3))

@@ -1,15 +1,18 @@
 """The three methods for one problem, and what each states about its accuracy."""
 
 import pickle
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
+from control_problems import KNOWN
 
-from somersault import multibody, ocp
+from somersault import ftla, multibody, ocp
 from somersault.errors import InputError
 
-#: From one stretched posture of the arm to the opposite one, thesis 8.4.
-ENDS = {"initial": [-np.pi / 2, 0.05, 0, 0], "final": [np.pi / 2, 0.05, 0, 0], "duration": 2.0}
+#: A problem, and where its search starts.
+Posed = tuple[ocp.ControlProblem, dict[str, Any] | None]
 
 
 def chain(n: int, gravity: float) -> ocp.ControlProblem:
@@ -91,46 +94,107 @@ def test_a_free_satellite_turns_itself_by_its_hinges() -> None:
     assert np.abs(momenta).max() < 1e-5
 
 
-def arm_function() -> ocp.ControlProblem:
-    """The arm of the thesis with its equations written out (8.2)."""
-    (m1, m2), (l1, l2), c1 = (0.5, 0.5), (2.0, 0.5), 0.2
-
-    def rates(x, u):  # type: ignore[no-untyped-def]
-        q2, v1, v2 = x[1], x[2], x[3]
-        inertias = m1 * l1**2 / 12, m2 * l2**2 / 12
-        a = m1 * l1**2 / 4 + m2 * (l1**2 + l1 * l2 * np.cos(q2) + l2**2 / 4) + sum(inertias)
-        b = m2 * (l2**2 / 4 + 0.5 * l1 * l2 * np.cos(q2)) + inertias[1]
-        c = m2 * l2**2 / 4 + inertias[1]
-        bias = 0.5 * l1 * l2 * m2 * np.sin(q2)
-        f1 = u[0] + bias * v2 * (2 * v1 + v2) - c1 * v1
-        f2 = u[1] - bias * v1**2
-        det = a * c - b * b
-        return [v1, v2, (c * f1 - b * f2) / det, (a * f2 - b * f1) / det]
-
-    return ocp.ControlProblem(rates, states=4, controls=2, running_cost=effort, **ENDS)  # type: ignore[arg-type]
-
-
-def effort(x, u):  # type: ignore[no-untyped-def]
-    return 0.5 * (u[0] ** 2 + 0.5 * u[1] ** 2)
-
-
-def test_the_arm_of_the_thesis_is_solved_in_three_ways_that_agree() -> None:
-    posed = arm_function()
-    splines = posed.solve(method="shooting", tol=1e-2)
+def test_the_arm_of_the_thesis_is_posed_once_and_solved_in_three_ways_that_agree() -> None:
+    posed = ocp.arm_problem(duration=2.0)
+    splines = posed.solve(method="shooting", tol=1e-5)
     collocation = posed.solve(method="collocation")
     exact = posed.solve(method="indirect")
     assert splines.success and collocation.success and exact.success, (splines.message, exact.message)
-    assert exact.residual < 1e-10
+    assert exact.verdict == "strict_minimum" and exact.residual < 1e-10
     assert collocation.cost == pytest.approx(exact.cost, rel=1e-6)
-    assert splines.cost == pytest.approx(exact.cost, rel=1e-4) and splines.cost_error < 1e-2
+    assert splines.cost == pytest.approx(exact.cost, rel=1e-5) and splines.cost_error < 1e-5
     times = np.linspace(0, 2, 9)
     np.testing.assert_allclose(collocation.state(times), exact.state(times), atol=1e-4)
-    np.testing.assert_allclose(splines.state(times), exact.state(times), atol=5e-2)
-    # the tree is the same problem, by splines of its joints
-    tree = ocp.ControlProblem(multibody.two_link_arm(), running_cost=effort, **ENDS)  # type: ignore[arg-type]
-    joints = tree.solve(method="shooting", tol=1e-5)
-    assert joints.success and joints.cost == pytest.approx(exact.cost, rel=1e-5), joints.message
-    assert tree.solve().cost == pytest.approx(exact.cost, rel=1e-6)
+    np.testing.assert_allclose(splines.state(times), exact.state(times), atol=1e-2)
+
+
+def test_the_extremal_of_the_thesis_is_that_of_its_equations_in_closed_form() -> None:
+    # `ftla.arm` has the equations of motion written out, and shoots by itself
+    known = ftla.solve_arm([-np.pi / 2, 0.05, 0, 0], [np.pi / 2, 0.05, 0, 0], 10.0, fold=np.pi)
+    exact = ocp.arm_problem().polish(ocp.arm_motion(np.pi, tol=1e-5))
+    assert known.success and exact.verdict == "strict_minimum" and exact.residual < 1e-10
+    assert exact.cost == pytest.approx(known.extremal.cost(), rel=1e-9)
+    for t in (2.0, 5.0, 8.0):
+        np.testing.assert_allclose([*exact.state(t), *exact.costate(t)], known.extremal(t), atol=1e-8)
+
+
+def cart_pole() -> multibody.Model:
+    """Kelly 2017: a cart of 1 kg, and 0.3 kg on a massless pole of 0.5 m."""
+    links = [
+        multibody.Link("cart", "prismatic", axis=(1, 0, 0), mass=1.0),
+        multibody.Link("pole", "revolute", parent="cart", axis=(0, 0, 1), mass=0.3, center=(0, -0.5, 0)),
+    ]
+    return multibody.Model(links, gravity=(0, -9.81, 0))
+
+
+def rods(n: int) -> multibody.Model:
+    """A chain of rods of 1 kg and 1 m that hangs."""
+    links = [
+        multibody.Link(
+            f"rod{k}",
+            "revolute",
+            parent=f"rod{k - 1}" if k else None,
+            axis=(0, 0, 1),
+            origin=(0, -1, 0) if k else (0, 0, 0),
+            mass=1.0,
+            center=(0, -0.5, 0),
+            inertia=np.diag([1, 0, 1]) / 12,
+        )
+        for k in range(n)
+    ]
+    return multibody.Model(links, gravity=(0, -9.81, 0))
+
+
+def swing_up() -> Posed:
+    return ocp.ControlProblem(
+        cart_pole(),
+        actuated=["cart"],
+        initial=[0, 0, 0, 0],
+        final=[1, np.pi, 0, 0],
+        duration=2.0,
+        bounds={"q_cart": (-2, 2), "u_cart": (-20, 20)},
+        running_cost=lambda x, u: u.u_cart**2,
+    ), None
+
+
+def upright(duration: float, **options: Any) -> ocp.ControlProblem:
+    return ocp.ControlProblem(
+        rods(2),
+        initial=[0, 0, 0, 0],
+        final=[np.pi, 0, 0, 0],
+        duration=duration,
+        running_cost=lambda x, u: 0.5 * u @ u,
+        **options,
+    )
+
+
+def double_pendulum() -> Posed:
+    return upright(2.0), None
+
+
+def acrobot() -> Posed:
+    # angles of the known problem are from the vertical
+    known = {name: np.array(values) for name, values in (KNOWN["acrobot"].guess or {}).items()}
+    guess = {
+        "q_rod0": known["upper"],
+        "q_rod1": known["lower"] - known["upper"],
+        "v_rod0": known["upper_spin"],
+        "v_rod1": known["lower_spin"] - known["upper_spin"],
+    }
+    return upright(3.0, actuated=["rod1"]), guess
+
+
+@pytest.mark.parametrize(
+    ("name", "posed"),
+    [("Kelly's cart-pole", swing_up), ("double pendulum in 2 s", double_pendulum), ("acrobot", acrobot)],
+)
+def test_trees_have_the_extremals_of_their_equations_written_out(
+    name: str, posed: Callable[[], Posed]
+) -> None:
+    problem, guess = posed()
+    exact = problem.polish(problem.solve(guess))
+    assert exact.success and exact.verdict == "strict_minimum", exact.message
+    assert exact.residual < 1e-10 and exact.cost == pytest.approx(KNOWN[name].cost, rel=1e-9)
 
 
 def test_splines_keep_bounds_and_say_that_they_have_no_costates() -> None:
@@ -174,8 +238,16 @@ def test_free_durations_and_parameters_are_variables_of_splines() -> None:
 def test_what_a_way_cannot_take_is_named() -> None:
     with pytest.raises(InputError, match="`method` must be 'auto', 'shooting'"):
         chain(1, 0.0).solve(method="splines")  # type: ignore[call-overload]
-    with pytest.raises(InputError, match="must be a function for `method='indirect'`, found a Model"):
-        chain(1, 0.0).solve(method="indirect")
+    hub = multibody.Link("hub", "spherical", mass=1, inertia=np.eye(3))
+    turned = ocp.ControlProblem(
+        multibody.Model([hub]), initial=[0, 0, 0, 1, 0, 0, 0], running_cost=lambda x, u: u @ u
+    )
+    with pytest.raises(InputError, match="no ball or free joint for `method='indirect'`"):
+        turned.solve(method="indirect")
+    drag = ocp.ExternalFunction(lambda v: v**2, name="drag")
+    dragged = ocp.ControlProblem(rods(1), initial=[0, 0], running_cost=lambda x, u: u[0] ** 2 + drag(x[1]))
+    with pytest.raises(InputError, match="must be traced for `polish`, found the ExternalFunction `drag`"):
+        dragged.polish(dragged.solve(tol=1e-3))
     endless = ocp.ControlProblem(
         lambda x, u: [u[0]], 1, 1, initial=[0], final=[1], duration=(0.1, np.inf), end_cost=lambda x, t: t
     )

@@ -6,6 +6,7 @@ use crate::graph::{Expression, Graph};
 use crate::sparsity::Sparsity;
 use crate::symbol::Symbol;
 use crate::tape::Tape;
+use crate::traced::{Traced, record};
 use somersault_core::argument::{ArgumentError, expect_length};
 use std::cell::RefCell;
 use std::ops::Range;
@@ -112,6 +113,39 @@ impl ExprFunction {
             formula(&symbols).iter().map(Symbol::expression).collect()
         };
         Self::new(graph.into_inner(), blocks, outputs)
+    }
+
+    /// The function that a formula over any [`Scalar`](somersault_core::Scalar) computes: `formula` is called once, with a [`Traced`] number
+    /// for each input. What it compares is decided at the point `at`; where it would be decided otherwise all outputs are NaN.
+    ///
+    /// ```
+    /// use somersault_core::Scalar;
+    /// use somersault_expr::{Block, ExprError, ExprFunction};
+    ///
+    /// fn length<T: Scalar>(x: &[T]) -> T {
+    ///     x.iter().fold(T::zero(), |sum, x| sum + *x * *x).sqrt()
+    /// }
+    ///
+    /// let f = ExprFunction::record(vec![Block::new("x", [2])], &[1.0, 1.0], |x| Ok::<_, ExprError>(vec![length(x)]))?;
+    /// let mut found = [0.0];
+    /// f.evaluator().evaluate(&[3.0, 4.0], &mut found)?;
+    /// assert_eq!(found, [5.0]);
+    /// // ∂/∂x of it, and so on
+    /// let by_x = f.derivative("x")?;
+    /// # let mut slopes = [0.0; 2];
+    /// # by_x.evaluator().evaluate(&[3.0, 4.0], &mut slopes)?;
+    /// # assert!((slopes[0] - 0.6).abs() < 1e-15 && (slopes[1] - 0.8).abs() < 1e-15);
+    /// # Ok::<(), ExprError>(())
+    /// ```
+    pub fn record<E: From<ExprError>>(
+        blocks: Vec<Block>,
+        at: &[f64],
+        formula: impl FnOnce(&[Traced]) -> Result<Vec<Traced>, E>,
+    ) -> Result<Self, E> {
+        let n = count(&blocks)?;
+        expect_length("at", at.len(), n).map_err(ExprError::from)?;
+        let (graph, outputs) = record(at, formula)?;
+        Ok(Self::new(graph, blocks, outputs)?)
     }
 
     /// The blocks of inputs.

@@ -3,7 +3,8 @@
 //! # How it works
 //!
 //! **Graph.** A [`Graph`] holds expressions by their numbers, arguments before results. An operation on arguments that it has had before
-//! is the same node. [`Symbol`] gives expressions the operators of Rust; [`ExprFunction::trace`] calls a formula with them.
+//! is the same node. [`Symbol`] gives expressions the operators of Rust; [`ExprFunction::trace`] calls a formula with them. A formula over any
+//! [`Scalar`](somersault_core::Scalar) is called with [`Traced`] numbers by [`ExprFunction::record`].
 //!
 //! **Simplifications** keep values, as those of CasADi do, but for two things: the sign of a zero, as in x + 0, and a factor that is
 //! the constant 0, which makes the product 0 although x may be infinite or NaN. Without the latter no matrix with zeros would
@@ -26,7 +27,7 @@
 //! | tan, inverse and hyperbolic functions, expm1, log1p, ∛, power, atan2, hypot | one by one | exact |
 //!
 //! References: A. Griewank & A. Walther, Evaluating Derivatives (2008). J. Andersson et al., Math. Program. Comput. 11 (2019) 1–36.
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 #![cfg_attr(
     not(test),
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::unreachable, clippy::todo)
@@ -44,6 +45,7 @@ mod operation;
 mod sparsity;
 mod symbol;
 mod tape;
+mod traced;
 
 pub use error::ExprError;
 pub use evaluator::Evaluator;
@@ -55,3 +57,4 @@ pub use somersault_core::argument::ArgumentError;
 pub use somersault_core::cancel::CancellationToken;
 pub use sparsity::Sparsity;
 pub use symbol::Symbol;
+pub use traced::Traced;

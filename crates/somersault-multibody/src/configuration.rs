@@ -44,7 +44,11 @@ fn direction<T: Scalar>(q: &[T]) -> UnitQuaternion<T> {
 fn turn<T: Scalar>(group: Group, q: &[T]) -> Option<UnitQuaternion<T>> {
     match group {
         Group::Vector | Group::Rotations => None,
-        Group::PlanarMotions => Some(so3::exp(&(Vector3::z() * q[2]))),
+        Group::PlanarMotions => {
+            // without the branch that an exponential takes near no turn
+            let (sin, cos) = (q[2] * constant(0.5)).sin_cos();
+            Some(UnitQuaternion::new_unchecked(Quaternion::new(cos, T::zero(), T::zero(), sin)))
+        }
         Group::Motions => Some(direction(&q[3..7])),
     }
 }

@@ -5,6 +5,7 @@ mod functions;
 mod lanes;
 mod operations;
 mod random;
+mod recorded;
 
 #[allow(clippy::approx_constant)] // arguments and values that are near constants are not those
 mod digits;

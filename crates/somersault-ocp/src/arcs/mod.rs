@@ -20,8 +20,9 @@
 //! | bound of the state c ≤ 0 of order q | ``c^{(q)} = 0`` | ``c = … = c^{(q-1)} = 0``, jumps ``\lambda^+ = \lambda^- - \sum \pi_k c^{(k)}_x``, and u is continuous, or ``H_u = 0`` after a bang |
 //! | touch of order 2 | | ``c = \dot c = 0``, jump ``\pi c_x`` |
 //!
-//! The Hamiltonian, its derivatives along its own flow and those of c are expressions, differentiated exactly, so the functions of
-//! the phase must be traced ([`Phase::try_traced`](crate::collocation::Phase::try_traced)).
+//! The Hamiltonian, its derivatives along its own flow and those of c are expressions, differentiated exactly. Functions of a phase have
+//! [expressions](crate::collocation::VectorFunction::expressions) where they were traced, are written over a generic scalar, or are
+//! the equations of a tree: those are recorded once, as forward dynamics computes them.
 //!
 //! What is refused, with a reason and the collocation solution as the best motion: several phases; singular arcs of order 2 and more,
 //! whose junctions chatter; bounds of the state of order 3 and more, path constraints that name a control; a bound of the state that

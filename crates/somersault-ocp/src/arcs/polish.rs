@@ -175,12 +175,22 @@ impl Polish {
                 "arcs are found by costates, and splines have none: solve by collocation",
             ));
         }
-        let Some(functions) = phase.traced().cloned() else {
-            let reason =
-                "arcs need the derivatives of traced functions: make the phase with `Phase::try_traced`";
+        if let Some(first) = phase.quaternion_names().next() {
+            let reason = format!(
+                "arcs are found of states that are numbers, and a quaternion begins at {first}: no motion depends on the part of \
+                 its costate along it, which would count as a conjugate point at all times"
+            );
             return Ok(Polished::refused(report, reason));
-        };
+        }
         let points = solution.places().len();
+        let (point, both) = (point_arguments(solution, points / 2), end_arguments(solution));
+        let functions = match phase.expressions(&point, &both) {
+            Ok(functions) => functions,
+            Err(reason) => {
+                let reason = format!("arcs need expressions of all functions: {reason}");
+                return Ok(Polished::refused(report, reason));
+            }
+        };
         let samples: Vec<_> = (0..8).map(|k| solution.at_fraction((f64::from(k) + 0.5) / 8.0)).collect();
         let made =
             Hamiltonian::try_new(phase, &functions, &samples, &solution.parameters, solution.horizon().0)?;
@@ -301,17 +311,25 @@ fn sizes(iterate: &Iterate) -> Vec<f64> {
     sizes
 }
 
+/// (x, u, p, t) at a point.
+fn point_arguments(solution: &PhaseSolution, i: usize) -> Vec<f64> {
+    [&solution.states[i][..], &solution.controls[i], &solution.parameters, &solution.times[i..=i]].concat()
+}
+
+/// (x(t₀), x(t_f), p, t₀, t_f).
+fn end_arguments(solution: &PhaseSolution) -> Vec<f64> {
+    let (first, last) = (&solution.states[0], &solution.states[solution.states.len() - 1]);
+    let (start, end) = solution.horizon();
+    [&first[..], last, &solution.parameters, &[start, end]].concat()
+}
+
 /// The values of the path constraints at the points.
 fn path_values(path: &ExprFunction, solution: &PhaseSolution) -> Result<Vec<Vec<f64>>, CollocationError> {
     let mut evaluator = path.evaluator();
     let mut all = Vec::new();
-    for (i, control) in solution.controls.iter().enumerate() {
-        let mut arguments = solution.states[i].clone();
-        arguments.extend(control);
-        arguments.extend(&solution.parameters);
-        arguments.push(solution.times[i]);
+    for i in 0..solution.controls.len() {
         let mut values = vec![0.0; evaluator.n_outputs()];
-        evaluator.evaluate(&arguments, &mut values)?;
+        evaluator.evaluate(&point_arguments(solution, i), &mut values)?;
         all.push(values.split_off(1));
     }
     Ok(all)
@@ -319,12 +337,8 @@ fn path_values(path: &ExprFunction, solution: &PhaseSolution) -> Result<Vec<Vec<
 
 /// The values of the end constraints.
 fn end_values(ends: &ExprFunction, solution: &PhaseSolution) -> Result<Vec<f64>, CollocationError> {
-    let mut arguments = solution.states[0].clone();
-    arguments.extend(&solution.states[solution.states.len() - 1]);
-    arguments.extend(&solution.parameters);
-    arguments.extend([solution.horizon().0, solution.horizon().1]);
     let mut evaluator = ends.evaluator();
     let mut values = vec![0.0; evaluator.n_outputs()];
-    evaluator.evaluate(&arguments, &mut values)?;
+    evaluator.evaluate(&end_arguments(solution), &mut values)?;
     Ok(values.split_off(1))
 }

@@ -8,7 +8,7 @@
 //! f_z = F_(z,w) D,     ∇² λᵀf = Dᵀ (∇² λᵀF + Σ ∇² (μₖᵀGₖ) Yₖ) D + Σ Eₖᵀ ∇² (μₖᵀgₖ) Eₖ,     Gₖ = ∂gₖ/∂yₖ,  Eₖ = Yₖ,(z,w) D
 //! ```
 
-use super::error::{CollocationError, expect_length};
+use super::error::{CollocationError, Untraced, expect_length};
 use super::external::ExternalFunction;
 use super::function::{RelativeErrors, VectorFunction};
 use super::traced::TracedFunction;
@@ -192,6 +192,13 @@ impl VectorFunction for ComposedFunction {
         inner.fill_lower_triangle_with_upper_triangle();
         *hessian += d.tr_mul(&(inner * &d));
         Ok(())
+    }
+
+    fn expressions(&self, at: &[f64]) -> Result<ExprFunction, Untraced> {
+        match self.calls.first() {
+            Some(call) => Err(Untraced::Call { function: call.function.labels().function.clone() }),
+            None => self.outer.expressions(at),
+        }
     }
 
     fn set_sizes(&mut self, arguments: &[f64], sizes: &[f64]) -> Result<(), EvaluationError> {

@@ -4,6 +4,7 @@ use super::interval::Interval;
 use crate::{NoSplines, WrongDerivative};
 use somersault_core::argument::ArgumentError;
 use somersault_expr::ExprError;
+use somersault_multibody::DynamicsError;
 use somersault_nlp::{EvaluationError, NoDerivative, SolverError};
 use std::fmt;
 
@@ -184,6 +185,27 @@ pub enum CollocationError {
     /// A derivative that a user wrote is not that of its function.
     #[error("{0}")]
     WrongDerivative(WrongDerivative),
+}
+
+/// Why a function has no expressions.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Untraced {
+    /// It brings its values and derivatives itself.
+    #[error("a function that brings its derivatives has none")]
+    Given,
+    /// It calls a function that brings its values itself.
+    #[error("the function `{function}` is not traced")]
+    Call {
+        /// Its name.
+        function: String,
+    },
+    /// A tree that cannot accelerate where it was looked at.
+    #[error(transparent)]
+    Dynamics(#[from] DynamicsError),
+    /// The expressions cannot be made.
+    #[error(transparent)]
+    Graph(#[from] ExprError),
 }
 
 pub(super) fn expect_length(

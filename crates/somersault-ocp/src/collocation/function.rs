@@ -4,12 +4,14 @@
 //! numbers: exactly, in n evaluations for a Jacobian and n (n + 1)/2 for a Hessian. Derivatives that are at
 //! hand otherwise come in as a [`VectorFunction`].
 
+use super::error::Untraced;
 use super::wrong_derivative::{Compared, Labels, contradicted};
 use crate::WrongDerivative;
 use nalgebra::DMatrix;
 use num_dual::{Dual64, HyperDual64};
 use somersault_core::Scalar;
 use somersault_core::differences::Differences;
+use somersault_expr::{Block, ExprFunction};
 use somersault_nlp::EvaluationError;
 use std::sync::Arc;
 
@@ -99,6 +101,12 @@ pub trait VectorFunction: Send {
         weights: &[f64],
         hessian: &mut DMatrix<f64>,
     ) -> Result<(), EvaluationError>;
+
+    /// The same function as expressions of its arguments, which have derivatives of any order: those that hold at the point `at`, where
+    /// it is one of several. What brings its derivatives has none unless it says so.
+    fn expressions(&self, _at: &[f64]) -> Result<ExprFunction, Untraced> {
+        Err(Untraced::Given)
+    }
 
     /// Receives, before a solve, how large arguments typically are about a point: steps of differences follow from that.
     fn set_sizes(&mut self, _arguments: &[f64], _sizes: &[f64]) -> Result<(), EvaluationError> {
@@ -264,6 +272,11 @@ impl<C: Terms> Formula for EndFormula<C> {
     }
 }
 
+/// The arguments of a function as the inputs of its expressions.
+pub(super) fn arguments(n: usize) -> Vec<Block> {
+    vec![Block::new("arguments", [n])]
+}
+
 /// A formula with derivatives by dual and hyper-dual numbers.
 pub(super) struct ByDuals<F> {
     formula: F,
@@ -323,5 +336,13 @@ impl<F: Formula> VectorFunction for ByDuals<F> {
             inputs[j].eps1 = 0.0;
         }
         Ok(())
+    }
+
+    fn expressions(&self, at: &[f64]) -> Result<ExprFunction, Untraced> {
+        ExprFunction::record(arguments(at.len()), at, |inputs| {
+            let mut outputs = vec![nalgebra::convert(0.0); self.formula.n_outputs()];
+            self.formula.evaluate(inputs, &mut outputs);
+            Ok(outputs)
+        })
     }
 }

@@ -99,7 +99,7 @@ mod wrong_derivative;
 
 pub use composed::ComposedFunction;
 pub use confirmation::{Confirmation, PhaseConfirmation, confirm, confirm_cancellable};
-pub use error::{CollocationError, Entry};
+pub use error::{CollocationError, Entry, Untraced};
 pub use external::ExternalFunction;
 pub use function::{Dynamics, Ends, Point, RelativeErrors, Terms, VectorFunction};
 pub use guess::Guess;

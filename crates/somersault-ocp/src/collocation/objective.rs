@@ -1,10 +1,12 @@
 //! Costs and constraints of a phase, whose cost can be exchanged for effort while a start is sought.
 
+use super::error::Untraced;
 use super::function::{RelativeErrors, VectorFunction};
 use super::shared::Shared;
 use super::wrong_derivative::Labels;
 use crate::WrongDerivative;
 use nalgebra::DMatrix;
+use somersault_expr::ExprFunction;
 use somersault_nlp::EvaluationError;
 
 /// One argument of an effort ½ Σ w (a − c)².
@@ -93,6 +95,13 @@ impl VectorFunction for Objective {
         self.weights.copy_from_slice(weights);
         self.weights[0] = 0.0;
         self.function.add_hessian(arguments, &self.weights, hessian)
+    }
+
+    fn expressions(&self, at: &[f64]) -> Result<ExprFunction, Untraced> {
+        match self.effort {
+            None => self.function.expressions(at),
+            Some(_) => Err(Untraced::Given),
+        }
     }
 
     fn set_sizes(&mut self, arguments: &[f64], sizes: &[f64]) -> Result<(), EvaluationError> {

@@ -6,7 +6,7 @@
 //! ```
 
 use super::bounds::PhaseBounds;
-use super::error::{CollocationError, Entry, expect_length};
+use super::error::{CollocationError, Entry, Untraced, expect_length};
 use super::function::{
     ByDuals, Dynamics, DynamicsFormula, EndFormula, PathFormula, Sizes, Terms, VectorFunction,
 };
@@ -43,8 +43,6 @@ pub struct Phase {
     /// States, then controls, that are of one size.
     vectors: [Vec<Vec<usize>>; 2],
     pub(super) guess: Option<Guess>,
-    /// The functions that were traced, if all of them were: f, then L and g, then Φ and b.
-    traced: Option<[ExprFunction; 3]>,
     /// The tree that moves, if the first states are its own.
     tree: Option<TreeDynamics>,
     names: Names,
@@ -159,14 +157,19 @@ impl Phase {
             }
         }
         let boxed = |function| Ok::<_, ExprError>(Box::new(TracedFunction::try_new(function)?));
-        let phase = Self::with_derivatives(boxed(dynamics)?, n_controls, n_parameters, ())
-            .terms_with_derivatives(boxed(path)?, boxed(ends)?);
-        Ok(Self { traced: Some([dynamics.clone(), path.clone(), ends.clone()]), ..phase })
+        Ok(Self::with_derivatives(boxed(dynamics)?, n_controls, n_parameters, ())
+            .terms_with_derivatives(boxed(path)?, boxed(ends)?))
     }
 
-    /// The functions that the phase was made of, if they were traced: f, then L and g, then Φ and b.
-    pub fn traced(&self) -> Option<&[ExprFunction; 3]> {
-        self.traced.as_ref()
+    /// The functions as expressions that hold near a point (x, u, p, t) and near ends: f, then L and g, then Φ and b.
+    pub fn expressions(&self, point: &[f64], ends: &[f64]) -> Result<[ExprFunction; 3], Untraced> {
+        let [dynamics, path, of_ends] = self.functions();
+        Ok([dynamics.expressions(point)?, path.expressions(point)?, of_ends.expressions(ends)?])
+    }
+
+    /// The names of the states that quaternions begin at.
+    pub(crate) fn quaternion_names(&self) -> impl Iterator<Item = String> {
+        self.quaternions.iter().map(|&first| self.name_of_row(first))
     }
 
     /// The tree that moves, if the states are its own and others after them.
@@ -244,7 +247,6 @@ impl Phase {
             quaternions: Vec::new(),
             vectors: [Vec::new(), Vec::new()],
             guess: None,
-            traced: None,
             tree: None,
             names: Names::default(),
             given: [false; 3],
@@ -261,7 +263,6 @@ impl Phase {
         let free = |n: usize| vec![Interval::FREE; n.saturating_sub(1)];
         (self.bounds.path, self.bounds.end) = (free(path.n_outputs()), free(ends.n_outputs()));
         (self.path, self.ends) = (Objective::new(path), Objective::new(ends));
-        self.traced = None;
         self
     }
 
@@ -270,7 +271,6 @@ impl Phase {
     /// motion must keep the norm, and not depend on it, as [those of a tree](TreeDynamics) do.
     pub fn quaternions(mut self, first: impl Into<Vec<usize>>) -> Self {
         self.quaternions = first.into();
-        self.traced = None;
         self
     }
 

@@ -11,14 +11,15 @@
 //! rotations about body axes. The norm at other points is one to the tolerance of the equations.
 
 use super::bounds::PhaseBounds;
-use super::error::CollocationError;
-use super::function::{RelativeErrors, VectorFunction};
+use super::error::{CollocationError, Untraced};
+use super::function::{RelativeErrors, VectorFunction, arguments};
 use super::guess::{Guess, middle};
 use super::interval::Interval;
 use super::wrong_derivative::Labels;
 use crate::WrongDerivative;
 use nalgebra::{DMatrix, Quaternion, UnitQuaternion, Vector3};
 use somersault_core::lie::so3;
+use somersault_expr::{ExprFunction, Expression, Graph};
 use somersault_nlp::EvaluationError;
 use std::f64::consts::TAU;
 
@@ -353,6 +354,25 @@ impl VectorFunction for AtUnitQuaternions {
         }
         *hessian += &*curvature;
         Ok(())
+    }
+
+    fn expressions(&self, at: &[f64]) -> Result<ExprFunction, Untraced> {
+        let mut unit = at.to_vec();
+        normalize(&self.quaternions, &mut unit);
+        let function = self.function.expressions(&unit)?;
+        let mut graph = Graph::new();
+        let mut inputs: Vec<Expression> = at.iter().map(|_| graph.input()).collect();
+        for &first in &self.quaternions {
+            let mut square = graph.constant(0.0);
+            for &x in &inputs[first..first + WIDTH] {
+                let product = graph.multiply(x, x);
+                square = graph.add(square, product);
+            }
+            let norm = graph.sqrt(square);
+            inputs[first..first + WIDTH].iter_mut().for_each(|x| *x = graph.divide(*x, norm));
+        }
+        let outputs = graph.insert(function.graph(), function.outputs(), &inputs)?;
+        Ok(ExprFunction::new(graph, arguments(at.len()), outputs)?)
     }
 
     fn set_sizes(&mut self, arguments: &[f64], sizes: &[f64]) -> Result<(), EvaluationError> {

@@ -1,9 +1,11 @@
 //! A function that several programs call in turn.
 
+use super::error::Untraced;
 use super::function::{RelativeErrors, VectorFunction};
 use super::wrong_derivative::Labels;
 use crate::WrongDerivative;
 use nalgebra::DMatrix;
+use somersault_expr::ExprFunction;
 use somersault_nlp::EvaluationError;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -44,6 +46,10 @@ impl VectorFunction for Shared {
         hessian: &mut DMatrix<f64>,
     ) -> Result<(), EvaluationError> {
         self.function().add_hessian(arguments, weights, hessian)
+    }
+
+    fn expressions(&self, at: &[f64]) -> Result<ExprFunction, Untraced> {
+        self.function().expressions(at)
     }
 
     fn set_sizes(&mut self, arguments: &[f64], sizes: &[f64]) -> Result<(), EvaluationError> {

@@ -1,9 +1,11 @@
 //! Functions one below the other, each of some of the arguments.
 
-use super::function::{RelativeErrors, VectorFunction};
+use super::error::Untraced;
+use super::function::{RelativeErrors, VectorFunction, arguments};
 use super::wrong_derivative::Labels;
 use crate::WrongDerivative;
 use nalgebra::DMatrix;
+use somersault_expr::{ExprFunction, Expression, Graph};
 use somersault_nlp::EvaluationError;
 
 /// The outputs of several functions in a row, each called with arguments of its own choice: a tree with integrals beside it.
@@ -91,6 +93,18 @@ impl VectorFunction for Stacked {
             weights = rest;
         }
         Ok(())
+    }
+
+    fn expressions(&self, at: &[f64]) -> Result<ExprFunction, Untraced> {
+        let (mut graph, mut outputs) = (Graph::new(), Vec::new());
+        let inputs: Vec<Expression> = at.iter().map(|_| graph.input()).collect();
+        for part in &self.parts {
+            let of_part: Vec<f64> = part.places.iter().map(|&place| at[place]).collect();
+            let own: Vec<Expression> = part.places.iter().map(|&place| inputs[place]).collect();
+            let function = part.function.expressions(&of_part)?;
+            outputs.extend(graph.insert(function.graph(), function.outputs(), &own)?);
+        }
+        Ok(ExprFunction::new(graph, arguments(at.len()), outputs)?)
     }
 
     fn set_sizes(&mut self, arguments: &[f64], sizes: &[f64]) -> Result<(), EvaluationError> {

@@ -1,5 +1,6 @@
 //! Functions traced into expression graphs, with the derivatives of these.
 
+use super::error::Untraced;
 use super::function::VectorFunction;
 use super::wrong_derivative::Labels;
 use crate::WrongDerivative;
@@ -9,6 +10,7 @@ use somersault_nlp::EvaluationError;
 
 /// A [`ExprFunction`] as collocation evaluates it: values, Jacobian and Hessian are tapes.
 pub struct TracedFunction {
+    function: ExprFunction,
     values: Evaluator,
     jacobian: Entries,
     /// Of Σ wᵢ fᵢ: the inputs are the arguments, then w.
@@ -49,6 +51,7 @@ impl TracedFunction {
     /// Makes the derivatives of the graph, if it has none yet.
     pub fn try_new(function: &ExprFunction) -> Result<Self, ExprError> {
         Ok(Self {
+            function: function.clone(),
             values: function.evaluator(),
             jacobian: Entries::new(function.jacobian()?),
             hessian: Entries::new(function.hessian()?),
@@ -88,6 +91,10 @@ impl VectorFunction for TracedFunction {
             hessian[(column, row)] += value;
         }
         Ok(())
+    }
+
+    fn expressions(&self, _: &[f64]) -> Result<ExprFunction, Untraced> {
+        Ok(self.function.clone())
     }
 
     /// None: they are those of the graph.

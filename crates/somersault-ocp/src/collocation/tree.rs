@@ -9,13 +9,17 @@
 //! ```
 //! whose inner part is the partials of inverse dynamics over dual numbers: exact, one sweep for each position
 //! and velocity. Derivatives along q ⊕ ε become derivatives by the numbers of q joint by joint.
+//!
+//! As expressions the equations are forward dynamics over [`Traced`] numbers: a tree is data, so that its graph is that of the recursions
+//! without what is multiplied by zeros of its axes.
 
-use super::error::CollocationError;
-use super::function::VectorFunction;
+use super::error::{CollocationError, Untraced};
+use super::function::{VectorFunction, arguments};
 use super::quaternions::{WIDTH, normalize};
 use nalgebra::DMatrix;
 use num_dual::{Dual64, HyperDual64};
 use somersault_core::Scalar;
+use somersault_expr::{ExprFunction, Traced};
 use somersault_multibody::{Data, DerivativeData, DynamicsError, Group, Model, Partials, Turning};
 use somersault_nlp::EvaluationError;
 use std::ops::Range;
@@ -296,12 +300,12 @@ impl TreeDynamics {
 }
 
 /// q, v and the joint forces of all degrees of freedom.
-fn split<'a>(
+fn split<'a, T: Scalar>(
     coordinates: &Coordinates,
-    arguments: &'a [f64],
+    arguments: &'a [T],
     actuated: &[usize],
-    torque: &mut [f64],
-) -> (&'a [f64], &'a [f64]) {
+    torque: &mut [T],
+) -> (&'a [T], &'a [T]) {
     let (state, control) = arguments.split_at(coordinates.n_states());
     for (u, &dof) in control.iter().zip(actuated) {
         torque[dof] = *u;
@@ -352,6 +356,21 @@ impl VectorFunction for TreeDynamics {
             coordinates.store_row(&partials, actuated, q, k, n, jacobian);
         }
         Ok(())
+    }
+
+    fn expressions(&self, at: &[f64]) -> Result<ExprFunction, Untraced> {
+        let Self { model, coordinates, actuated, .. } = self;
+        let model: Model<Traced> = model.cast();
+        ExprFunction::record(arguments(at.len()), at, |inputs| {
+            let mut torque = vec![nalgebra::convert(0.0); model.n_velocities()];
+            let (q, v) = split(coordinates, inputs, actuated, &mut torque);
+            let mut values = vec![nalgebra::convert(0.0); q.len()];
+            model.position_rates(q, v, &mut values)?;
+            let mut unit = q.to_vec();
+            model.normalize(&mut unit)?;
+            values.extend(model.forward_dynamics(&mut Data::new(&model), &unit, v, &torque, &[])?);
+            Ok(values)
+        })
     }
 
     fn add_hessian(

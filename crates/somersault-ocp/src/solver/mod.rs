@@ -4,7 +4,7 @@
 //! |---|---|---|---|
 //! | `Shooting` | splines of the joints of a tree, or of controls | one phase with controls, a start time that is given | a motion and its re-integration; no costates |
 //! | `Collocation` | states and controls at points | everything | states, controls, costates, estimated errors |
-//! | `Indirect` | states, costates and times at which arcs join | one phase of traced functions | an extremal to 10⁻¹⁰ and what it is |
+//! | `Indirect` | states, costates and times at which arcs join | one phase of a tree, or of functions with expressions | an extremal to 10⁻¹⁰ and what it is |
 //! | `Auto` | those of collocation | everything | the same |
 //!
 //! A coarse mesh leaves room between its points for motions that are cheap and false, and Newton's method finds them where many

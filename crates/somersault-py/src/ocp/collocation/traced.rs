@@ -116,13 +116,13 @@ impl TracedProblem {
             .map_err(|error| named(error.into()))
     }
 
-    /// Refuses what has no graph of its dynamics.
-    fn expect_traced(&self, what: &str) -> Result<(), Error> {
+    /// Refuses what arcs cannot be found of: quaternions, and functions that are not traced.
+    fn expect_arcs(&self, what: &str) -> Result<(), Error> {
         for phase in &self.phases {
             let phase = phase.get();
-            if phase.subject.model.is_some() {
+            if let Some(state) = phase.quaternions().next() {
                 return Err(Error::input(format!(
-                    "`dynamics` must be a function for `{what}`, found a Model"
+                    "`dynamics` must have no ball or free joint for `{what}`, found the quaternion that begins at `{state}`"
                 )));
             }
             if let Some(name) = phase.untraced().next() {
@@ -218,7 +218,7 @@ impl TracedProblem {
         let options = SearchOptions { settings, method, solution, max_time, callback, on_interrupt };
         let problem = |token: &Arc<CancellationToken>| self.problem(guesses, token);
         if method == SolutionMethod::Indirect {
-            self.expect_traced("method='indirect'")?;
+            self.expect_arcs("method='indirect'")?;
             let result = |found: SolverResult| self.polished(py, found, tol);
             return Ok(options.run(py, self.phases.len(), problem, result)?.into_any());
         }
@@ -358,7 +358,7 @@ impl TracedProblem {
     ) -> Result<PolishResult, Error> {
         let (report, phase) = (&found.get().report, self.phases[0].get());
         let subject = phase.subject.clone();
-        self.expect_traced("polish")?;
+        self.expect_arcs("polish")?;
         let cancellation = Cancellation::at(deadline(max_time)?);
         let guess = found.get().phase().to_guess();
         let mut polish = Polish::default();
