@@ -1,7 +1,8 @@
 """Recorded motions: read, fitted by a model, analysed and scored.
 
 Readers bring files to one convention: m, s, x forward, y left and z up. A `MarkerRecording` has positions of
-named markers, with gaps; a `SkeletonRecording` a tree of joints and how they turned. A `MarkerFit` lays a
+named markers, with gaps; a `SkeletonRecording` a tree of joints and how they turned; a `KeypointRecording` what a pose
+estimator found; a `ChannelRecording` named numbers. Their `repairs` list what was put right in a file. A `MarkerFit` lays a
 model with a `MarkerSet` over markers; `Pca`, `project` and `GroupComparison` describe motions; a
 `ScoringModel` learns scores, and `validate` measures how accurate they are.
 
@@ -9,10 +10,12 @@ model with a `MarkerSet` over markers; `Pca`, `project` and `GroupComparison` de
 |---|---|---|---|
 | BVH | `read_bvh` | `write_bvh` | skeletons |
 | motions of DeepMimic (JSON) | `read_joint_motion` | `write_joint_motion` | skeletons |
-| C3D, point data | `read_c3d` | `write_c3d` | markers |
+| C3D | `read_c3d`, `read_c3d_channels`, … | `write_c3d` | markers, channels |
 | TRC | `read_trc` | `write_trc` | markers |
-| CSV | `read_csv` | `write_csv` | markers |
-| any of these, as the ending says | `read_file` | | |
+| CSV, TSV, also of Motive, Nexus and QTM | `read_csv` | `write_csv` | markers, channels |
+| MOT, STO | `read_mot` | `write_mot` | channels |
+| key points (JSON) | `read_pose` | | key points |
+| any of these, as the file has it | `read_file` | | |
 | a list of motions with scores | `read_judged` | `JudgedSet.save` | markers |
 
 Since no set of judged dives is public, a `SyntheticSet` makes one; all that is derived from it is labelled

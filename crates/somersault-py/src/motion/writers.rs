@@ -1,5 +1,6 @@
 //! Recordings as files.
 
+use super::channels::ChannelRecording;
 use super::convention::convention;
 use super::markers::MarkerRecording;
 use super::matrix;
@@ -135,6 +136,42 @@ pub(crate) fn write_c3d(
     let convention = convention(unit, up, forward)?;
     let recording = recording.get().recording.clone();
     put(path, &leave_on_signal(path.py(), move |_| writers::c3d::write(&recording, &convention))?)
+}
+
+/// Writes channels as a motion or storage file of OpenSim, the format of `read_mot`, with all digits.
+///
+/// Parameters
+/// ----------
+/// path : path
+/// recording : ChannelRecording
+/// in_degrees : bool, optional
+///     Whether columns that are angles by their names, in rad here, are written in degrees. OpenSim decides by its model which it
+///     converts.
+///
+/// Raises
+/// ------
+/// WriteError
+///     If a name cannot stand in the format.
+///
+/// Examples
+/// --------
+/// >>> import pathlib, tempfile
+/// >>> from somersault import motion
+/// >>> path = pathlib.Path(tempfile.mkdtemp()) / "squat.mot"
+/// >>> motion.write_mot(path, motion.ChannelRecording(["knee_angle_r"], [0.0, 0.1], [[0.0], [0.5]]))
+/// >>> motion.read_file(path)
+/// <ChannelRecording: 1 channels, 2 frames, 0.100 s>
+#[pyfunction]
+#[pyo3(signature = (path, recording, *, in_degrees=true))]
+pub(crate) fn write_mot(
+    path: &Bound<'_, PyAny>,
+    recording: &Bound<'_, ChannelRecording>,
+    in_degrees: bool,
+) -> Result<(), Error> {
+    let name: String = matrix::path("path", path)?.getattr("stem")?.extract()?;
+    let recording = recording.get().recording.clone();
+    let text = leave_on_signal(path.py(), move |_| writers::mot::write(&recording, &name, in_degrees))?;
+    put(path, text.as_bytes())
 }
 
 /// Writes a skeleton and its motion as BVH.
