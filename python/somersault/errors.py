@@ -116,4 +116,4 @@ class TraceError(InputError):
 
 
 class ReadWarning(UserWarning):
-    """A file is not quite of its format and was read: the message has where, what was found, and what was made of it."""
+    """A file is not quite of its format and was read: the message has where, and what was done."""

@@ -24,8 +24,9 @@ TRC = (
     "1\t0.00\t0\t1.7\t0\t0.1\t0.02\t0\n2\t0.01\t0\t1.7\t0\tnan\tnan\tnan\n"
 )
 #: As OpenSim's inverse kinematics writes it.
-MOT = "Coordinates\nversion=1\nnRows=3\nnColumns=3\ninDegrees=yes\n\nendheader\ntime\tknee_angle_r\tpelvis_ty\n" + "".join(
-    f"{0.01 * i:.8f}\t{30.0 * i:.8f}\t{0.9 + 0.1 * i:.8f}\n" for i in range(3)
+MOT = (
+    "Coordinates\nversion=1\nnRows=3\nnColumns=3\ninDegrees=yes\n\nendheader\ntime\tknee_angle_r\tpelvis_ty\n"
+    + "".join(f"{0.01 * i:.8f}\t{30.0 * i:.8f}\t{0.9 + 0.1 * i:.8f}\n" for i in range(3))
 )
 
 
@@ -33,7 +34,7 @@ def pose(x: float) -> dict[str, Any]:
     """A frame of OpenPose: a person upright in a picture, of whom one point was not found."""
     flat = [[x, 100.0 + 20.0 * k, 0.9] for k in range(25)]
     flat[8] = [0.0, 0.0, 0.0]
-    return {"version": 1.3, "people": [{"person_id": [-1], "pose_keypoints_2d": sum(flat, [])}]}
+    return {"version": 1.3, "people": [{"person_id": [-1], "pose_keypoints_2d": np.ravel(flat).tolist()}]}
 
 
 def test_repairs_are_listed_and_warned_of() -> None:
@@ -57,8 +58,12 @@ def test_repairs_are_listed_and_warned_of() -> None:
 
 
 def test_the_vertical_is_detected_and_said() -> None:
-    lying = TRC.replace("0\t1.7\t0\t", "0\t0\t1.7\t").replace("0.1\t0.02\t0", "0.1\t0\t0.02").replace("nan", "")
-    other = lying.replace("RBigToe", "LHead\t\t\tRBigToe\t\t\tLBigToe").replace("\t0\t0\t1.7", 2 * "\t0\t0\t1.7")
+    lying = (
+        TRC.replace("0\t1.7\t0\t", "0\t0\t1.7\t").replace("0.1\t0.02\t0", "0.1\t0\t0.02").replace("nan", "")
+    )
+    other = lying.replace("RBigToe", "LHead\t\t\tRBigToe\t\t\tLBigToe").replace(
+        "\t0\t0\t1.7", 2 * "\t0\t0\t1.7"
+    )
     other = other.replace("\t0.1\t0\t0.02", 2 * "\t0.1\t0\t0.02")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

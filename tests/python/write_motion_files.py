@@ -4,7 +4,8 @@
     python tests/python/write_motion_files.py
 
 `ezc3d.c3d` and `ezc3d.json`: three markers, the second missing in frame 2, as ezc3d writes them and as it
-reads them back. `channels.c3d` and `channels.json`: two channels of three samples a frame, two events and a force plate, likewise.
+reads them back. `channels.c3d` and `channels.json`: two channels of three samples a frame, two events and a
+force plate, likewise.
 `bvhio.bvh` and `bvhio.json`: four joints, as bvhio writes them, and where its own kinematics
 has the joints; bvhio computes in single precision.
 """
@@ -65,7 +66,10 @@ def channels() -> None:
         "events": [
             [float(minutes * 60 + seconds), label, context]
             for (minutes, seconds), label, context in zip(
-                np.asarray(events["TIMES"]["value"]).T, events["LABELS"]["value"], events["CONTEXTS"]["value"], strict=True
+                np.asarray(events["TIMES"]["value"]).T,
+                events["LABELS"]["value"],
+                events["CONTEXTS"]["value"],
+                strict=True,
             )
         ],
         "corners": np.asarray(group["CORNERS"]["value"])[:, :, 0].T.tolist(),

@@ -12,10 +12,12 @@ from somersault._somersault.ocp import EigenpostureBase
 __all__ = [
     "Band",
     "Baseline",
+    "ChannelRecording",
     "Correlation",
     "DiveFaults",
     "GroupComparison",
     "JudgedSet",
+    "KeypointRecording",
     "MarkerFit",
     "MarkerRecording",
     "MarkerSet",
@@ -24,6 +26,7 @@ __all__ = [
     "Performance",
     "Perturbation",
     "Projection",
+    "Repair",
     "Score",
     "ScoringModel",
     "ScoringOptions",
@@ -42,10 +45,15 @@ __all__ = [
     "project",
     "read_bvh",
     "read_c3d",
+    "read_c3d_channels",
+    "read_c3d_events",
+    "read_c3d_force_plates",
     "read_csv",
     "read_file",
     "read_joint_motion",
     "read_judged",
+    "read_mot",
+    "read_pose",
     "read_trc",
     "somersaults",
     "spearman",
@@ -54,6 +62,7 @@ __all__ = [
     "write_c3d",
     "write_csv",
     "write_joint_motion",
+    "write_mot",
     "write_trc",
 ]
 
@@ -297,9 +306,7 @@ def write_c3d(
     up: str = "z",
     forward: str = "x",
 ) -> None: ...
-def write_mot(
-    path: str | PathLike[str], recording: ChannelRecording, *, in_degrees: bool = True
-) -> None: ...
+def write_mot(path: str | PathLike[str], recording: ChannelRecording, *, in_degrees: bool = True) -> None: ...
 def write_bvh(
     path: str | PathLike[str],
     recording: SkeletonRecording,

@@ -134,7 +134,8 @@ def _performance(motion: Any, document: Document, where: tuple[str | int, ...], 
         if isinstance(recording, motion.SkeletonRecording):
             recording = recording.joint_centres()
         if not isinstance(recording, motion.MarkerRecording):
-            raise InputError(f"{file}: a recording of markers or of a skeleton is needed, found {recording!r}")
+            needed = "a recording of markers or of a skeleton is needed"
+            raise InputError(f"{file}: {needed}, found {recording!r}")
         if longest is not None:
             recording = recording.fill_gaps(longest)
         return motion.Performance.from_markers(recording)

@@ -47,10 +47,11 @@ def _page(found: Any, title: str) -> str:
     from somersault import plotting
 
     drawn = io.StringIO()
-    plotting.channels(found).figure.savefig(drawn, format="svg")
+    figure: Any = plotting.channels(found).figure
+    figure.savefig(drawn, format="svg")
     picture = drawn.getvalue()
-    name = html.escape(title)
-    return f'<!doctype html><html lang="en"><meta charset="utf-8"><title>{name}</title>{picture[picture.index("<svg") :]}</html>\n'
+    head = f'<meta charset="utf-8"><title>{html.escape(title)}</title>'
+    return f'<!doctype html><html lang="en">{head}{picture[picture.index("<svg") :]}</html>\n'
 
 
 def add(commands: Any) -> None:
@@ -58,11 +59,13 @@ def add(commands: Any) -> None:
     parser = commands.add_parser(
         "view",
         help="show a recorded motion of any format",
-        description="Writes a page that plays the markers, skeleton or key points of a file, or shows the curves of its"
-        " channels. What was repaired in the file is printed.",
+        description="Writes a page that plays the markers, skeleton or key points of a file, or shows the"
+        " curves of its channels. What was repaired in the file is printed.",
     )
     parser.add_argument(
-        "file", type=Path, help="read this file, of any format that `motion.read_file` reads, or folder of OpenPose"
+        "file",
+        type=Path,
+        help="read this file, of any format that `motion.read_file` reads, or folder of OpenPose",
     )
     parser.add_argument(
         "--html", type=Path, metavar="FILE", help="write the page here (default: its name, here)"

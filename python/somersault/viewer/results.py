@@ -241,7 +241,7 @@ INSTEAD: dict[type, str] = {
     ftla.PlacementResult: "the Extremal that begins there",
     integrators.State: "a Trajectory of it and its body",
     list: "each of its entries",
-    motion.ChannelRecording: "the Model whose coordinates it has, with `t` and `q`, or draw `plotting.channels`",
+    motion.ChannelRecording: "the Model whose coordinates it has, or draw `plotting.channels`",
     motion.JudgedSet: "one of its `recordings`",
     motion.MarkerFit: "the MotionFit that its `fit` returns",
     motion.Performance: "the recording that it is made from",

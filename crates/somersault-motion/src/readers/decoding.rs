@@ -6,7 +6,7 @@ use std::borrow::Cow;
 /// A word of two bytes.
 type Word = fn([u8; 2]) -> u16;
 
-/// The order of bytes of a text in UTF-16, and where it begins: told by a mark, or by zeros in every second byte.
+/// The order of bytes of a text in UTF-16, and where it begins: known by a mark, or by zeros in every second byte.
 fn utf_16(bytes: &[u8]) -> Option<(Word, usize)> {
     match bytes {
         [0xff, 0xfe, ..] => Some((u16::from_le_bytes, 2)),
@@ -17,7 +17,7 @@ fn utf_16(bytes: &[u8]) -> Option<(Word, usize)> {
     }
 }
 
-/// The text of a file, in which lines end with a line feed. UTF-8 is read without a repair. UTF-16 is told by its byte
+/// The text of a file, in which lines end with a line feed. UTF-8 is read without a repair. UTF-16 is known by its byte
 /// order mark or its zeros; whatever else is no UTF-8 is read as Latin-1, one character a byte.
 pub(super) fn decoded<'a>(bytes: &'a [u8], repairs: &mut Repairs) -> Result<Cow<'a, str>, ReadError> {
     let place = Place::Byte(0);
@@ -37,7 +37,7 @@ pub(super) fn decoded<'a>(bytes: &'a [u8], repairs: &mut Repairs) -> Result<Cow<
     }
 }
 
-/// The beginning of a file as text, for telling its format; empty where there are control characters of no text.
+/// The beginning of a file as text, by which its format is known; empty where there are control characters of no text.
 pub(super) fn beginning(bytes: &[u8]) -> String {
     const ENOUGH: usize = 1 << 16;
     let head = &bytes[..bytes.len().min(ENOUGH)];

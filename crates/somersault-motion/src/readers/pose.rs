@@ -34,7 +34,7 @@ const MOST_POINTS: usize = 2048;
 /// This format.
 pub const FORMAT: Format = Format {
     name: "key points (JSON)",
-    endings: &["json"],
+    endings: &["json", "jsonl"],
     unit: Some(LengthUnit::Metre),
     up: Axis::MinusY,
     forward: Axis::PlusX,
@@ -275,7 +275,7 @@ pub fn read(
     options: &PoseOptions,
     repairs: &mut Repairs,
 ) -> Result<KeypointRecording, ReadError> {
-    let root: Value = serde_json::from_str(text).map_err(|error| fault(&error))?;
+    let root = value(text, repairs)?;
     let mut file = File { names: None, rate: None, frames: Vec::new(), in_picture: false };
     file.collect(&root)?;
     let head = Place::Line(1);
@@ -338,6 +338,19 @@ pub fn read(
     }
     KeypointRecording::try_new(names, times, n_dims, points, weights)
         .map_err(|error| ReadError::recording(error, head, |frame| Some(Place::Line(frame + 1))))
+}
+
+/// The value of a text, or a list of the values that stand one after another, as programs write them line by line.
+fn value(text: &str, repairs: &mut Repairs) -> Result<Value, ReadError> {
+    let values: Result<Vec<Value>, _> = serde_json::Deserializer::from_str(text).into_iter().collect();
+    let mut values = values.map_err(|error| fault(&error))?;
+    if values.len() > 1 {
+        let error = unexpected(Place::Line(1), "values one after another", "one value");
+        repairs.instead_of(error, "values one after another are read as a list")?;
+        return Ok(Value::Array(values));
+    }
+    let nothing = || ReadError::Truncated { place: Place::Line(1), allowed: format!("{ALLOWED}, as JSON") };
+    values.pop().ok_or_else(nothing)
 }
 
 /// The person of each frame.
@@ -452,6 +465,12 @@ impl File {
                 {
                     return self.list(all);
                 }
+                // frames may be called landmarks, as what they have is
+                if let Some(Value::Array(all)) = entry(object, &PICTURE)
+                    && all.first().and_then(Value::as_object).is_some_and(|one| !one.contains_key("x"))
+                {
+                    return self.list(all);
+                }
                 let frame = self.frame(object)?;
                 self.frames.extend(frame);
                 Ok(())
@@ -483,8 +502,11 @@ impl File {
         if has(&["image_id"]) {
             return self.results(all, 1.0);
         }
-        let is_frames =
-            has(&PEOPLE) || has(&WORLD) || has(&PICTURE) || has(&NUMBER[..5]) || has(&["timestamp", "time"]);
+        let is_frames = has(&PEOPLE)
+            || has(&WORLD)
+            || has(&PICTURE)
+            || has(&NUMBER[..5])
+            || has(&["timestamp", "time", "t"]);
         if is_frames || first.is_some_and(Value::is_array) && !is_points(all) {
             for (i, value) in all.iter().enumerate() {
                 let frame = match value {
@@ -529,16 +551,16 @@ impl File {
 
     /// An object that is a frame, if it has people.
     fn frame(&mut self, object: &Map<String, Value>) -> Result<Option<Frame>, ReadError> {
-        let seconds = entry(object, &["timestamp", "time", "time_s"]).and_then(Value::as_f64);
+        let seconds = entry(object, &["timestamp", "time", "time_s", "t"]).and_then(Value::as_f64);
         let thousandths = entry(object, &["timestamp_ms", "timestampMs", "time_ms"]).and_then(Value::as_f64);
         let number = entry(object, &NUMBER).and_then(number_in);
         let time = seconds.or(thousandths.map(|t| t / 1000.0));
         let people = match (entry(object, &PEOPLE), entry(object, &WORLD), entry(object, &PICTURE)) {
             (Some(Value::Array(all)), ..) => self.people(all)?,
-            (_, Some(Value::Array(all)), _) if !all.is_empty() => self.people(all)?,
+            (_, Some(Value::Array(all)), _) if !all.is_empty() => landmarks(all)?,
             (_, _, Some(Value::Array(all))) => {
                 self.in_picture |= !all.is_empty();
-                self.people(all)?
+                landmarks(all)?
             }
             _ if entry(object, &POINTS).is_some() => self.person(object)?.into_iter().collect(),
             (None, Some(Value::Object(one)), _) | (None, None, Some(Value::Object(one))) => {
@@ -586,11 +608,23 @@ impl File {
         }
         for key in WORLD.iter().chain(&PICTURE) {
             if let Some(value @ Value::Array(_)) = object.get(*key) {
-                return points(value, scores.and_then(Value::as_array), None);
+                return points(value, scores.and_then(Value::as_array), Some(4));
             }
         }
         Ok(None)
     }
+}
+
+/// The persons of landmarks: the points of one, or a list of such.
+fn landmarks(all: &[Value]) -> Result<Vec<Person>, ReadError> {
+    if is_points(all) {
+        return Ok(points(&Value::Array(all.to_vec()), None, Some(4))?.into_iter().collect());
+    }
+    let mut people = Vec::new();
+    for value in all {
+        people.extend(points(value, None, Some(4))?);
+    }
+    Ok(people)
 }
 
 fn text_of(value: &Value) -> String {
@@ -607,7 +641,7 @@ fn is_points(all: &[Value]) -> bool {
     }
 }
 
-/// The points of a person; of flat lists with `stride` numbers for each.
+/// The points of a person; of flat lists with `stride` numbers for each, of which the last is a confidence.
 fn points(
     value: &Value,
     scores: Option<&Vec<Value>>,
@@ -634,9 +668,9 @@ fn points(
         for (k, value) in all.iter().enumerate() {
             match value {
                 Value::Array(row) if (2..=4).contains(&row.len()) => {
-                    // beside scores a third number is a coordinate, without them a confidence
-                    let n_dims =
-                        if score(k).is_some() || row.len() == 2 { row.len().min(3) } else { row.len() - 1 };
+                    // beside scores, and of landmarks, a third number is a coordinate, otherwise a confidence
+                    let is_place = score(k).is_some() || stride == Some(4) || row.len() == 2;
+                    let n_dims = if is_place { row.len().min(3) } else { row.len() - 1 };
                     let mut x = [0.0; 3];
                     x.iter_mut().zip(&row[..n_dims]).for_each(|(x, value)| *x = real(value));
                     let own = row.get(n_dims).map(real);
