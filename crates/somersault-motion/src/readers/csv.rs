@@ -98,7 +98,7 @@ fn parse(text: &str, choices: &Choices, repairs: &mut Repairs) -> Result<Parsed,
     let Header { place: head, what, .. } = &header;
     if repairs.are_refused() && header.is_plain() && matches!(what, What::Markers(_)) {
         let options = MarkerOptions { convention: choices.convention, nan_is_gap: choices.given.nan_is_gap };
-        return Ok(Parsed::markers(read(text, &options)?, options.convention));
+        return Ok(Recording::Markers(read(text, &options)?).into());
     }
     let unit = header.unit.unwrap_or(LengthUnit::Metre);
     let convention = choices
@@ -181,7 +181,7 @@ fn parse(text: &str, choices: &Choices, repairs: &mut Repairs) -> Result<Parsed,
             let names = columns.iter().map(|(name, _)| name.clone()).collect();
             let names = distinct(names, "marker", *head, repairs)?;
             let recording = MarkerRecording::try_new(names, times, points).map_err(fault)?;
-            Ok(Parsed::markers(recording, convention))
+            Ok(Recording::Markers(recording).into())
         }
         What::Channels(columns) => {
             let names = columns.iter().map(|(name, ..)| name.clone()).collect();

@@ -158,10 +158,9 @@ impl Format {
         let (Parsed { recording, convention }, repairs) = read(options)?;
         if let (Recording::Markers(markers), Some(usual), false, None) =
             (&recording, convention, options.strict, options.up)
-            && let Some((up, reason)) = upright(markers)
-            && up != Axis::PlusZ
+            && let Some((up, reason)) = upright(markers, &usual)
+            && up != usual.up()
         {
-            let up = usual.file_axis(up);
             let open = |axis: &Axis| axis.number() != up.number();
             let forward = [usual.forward(), Axis::PlusX, Axis::PlusY].into_iter().find(open);
             if options.forward.as_ref().is_none_or(open) {

@@ -5,7 +5,7 @@
 //! air. By gravity then: over half a second of flight the mean of the markers is accelerated downwards by 9.8 m/s², as it is in no
 //! walk.
 
-use crate::recording::{Axis, MarkerRecording};
+use crate::recording::{Axis, Convention, MarkerRecording};
 use nalgebra::Vector3;
 
 const HIGH: [&str; 9] = ["head", "hd", "nose", "neck", "acrom", "shoulder", "sho", "c7", "clav"];
@@ -14,16 +14,25 @@ const LOW: [&str; 7] = ["toe", "heel", "ankle", "foot", "calc", "mt1", "mt5"];
 const TALL: f64 = 0.8;
 /// The part of the mean length that must be left, along the axis, in the mean of the vectors.
 const CLEAR: f64 = 0.85;
+/// The greatest height of the feet in the frame in which they are lowest, m.
+const FLOOR: f64 = 0.35;
 /// Seconds of flight that show where down is.
 const FLIGHT: f64 = 0.5;
 /// Accelerations of a flight along its axis, and the greatest across it, m/s².
 const FALL: std::ops::RangeInclusive<f64> = 8.5..=11.0;
 const ACROSS: f64 = 1.5;
+/// The greatest root mean square of what is left of the mean of the markers without a parabola, m.
+const LEFT: f64 = 0.05;
 
-/// The axis of the world that points up, and what shows it, where markers do.
-pub(super) fn upright(recording: &MarkerRecording) -> Option<(Axis, &'static str)> {
-    let named = by_names(recording).map(|axis| (axis, "heads are above feet"));
-    named.or_else(|| by_gravity(recording).map(|axis| (axis, "markers fall along it")))
+/// The axis of the file that points up, and what shows it, where markers do; they are given in the world of this convention.
+pub(super) fn upright(recording: &MarkerRecording, convention: &Convention) -> Option<(Axis, &'static str)> {
+    let file = |axis| convention.file_axis(axis);
+    // no system has a floor above it: who seems to stand there stands on the hands
+    let named = by_names(recording).map(file).filter(|axis| [Axis::PlusY, Axis::PlusZ].contains(axis));
+    match named {
+        Some(axis) => Some((axis, "heads are above feet")),
+        None => by_gravity(recording).map(|axis| (file(axis), "markers fall along it")),
+    }
 }
 
 fn axis(number: usize, positive: bool) -> Axis {
@@ -48,15 +57,18 @@ fn by_names(recording: &MarkerRecording) -> Option<Axis> {
         let present: Vec<Vector3<f64>> = which.iter().filter_map(|&k| frame[k]).collect();
         (present.len() >= 2).then(|| present.iter().sum::<Vector3<f64>>() / present.len() as f64)
     };
-    let ways: Vec<Vector3<f64>> =
-        recording.frames().filter_map(|frame| Some(mean(frame, &high)? - mean(frame, &low)?)).collect();
+    let ends: Vec<(Vector3<f64>, Vector3<f64>)> =
+        recording.frames().filter_map(|frame| Some((mean(frame, &low)?, mean(frame, &high)?))).collect();
+    let ways: Vec<Vector3<f64>> = ends.iter().map(|(low, high)| high - low).collect();
     let lengths: f64 = ways.iter().map(Vector3::norm).sum();
     let whole: Vector3<f64> = ways.iter().sum();
     let number = whole.iamax();
     let clear =
         lengths.is_finite() && lengths > TALL * ways.len() as f64 && whole[number].abs() > CLEAR * lengths;
+    // who lies has feet anywhere along the body, and who stands has them near the floor
+    let lowest = ends.iter().map(|(low, _)| low[number].abs()).fold(f64::INFINITY, f64::min);
     // forward is x by most conventions, and up then is not
-    (clear && number != 0).then(|| axis(number, whole[number] > 0.0))
+    (clear && number != 0 && lowest < FLOOR).then(|| axis(number, whole[number] > 0.0))
 }
 
 /// The opposite of the acceleration in the first half second that looks like a flight, if no other does in another direction.
@@ -105,11 +117,19 @@ fn acceleration(recording: &MarkerRecording, frames: std::ops::Range<usize>) -> 
     // the polynomial of second degree that is orthogonal to those below it
     let weight = |t: f64| (t - middle).powi(2) - second - third / second * (t - middle);
     let size: f64 = times.iter().map(|t| weight(*t).powi(2)).sum();
-    let mut sum = Vector3::zeros();
-    for (row, t) in rows.iter().zip(times) {
-        let mean = present.iter().filter_map(|&k| row[k]).sum::<Vector3<f64>>() / present.len() as f64;
-        sum += mean * weight(*t);
-    }
-    let found = sum * (2.0 / size);
-    found.iter().all(|x| x.is_finite()).then_some(found)
+    let means: Vec<Vector3<f64>> = rows
+        .iter()
+        .map(|row| present.iter().filter_map(|&k| row[k]).sum::<Vector3<f64>>() / present.len() as f64)
+        .collect();
+    let along = |part: &dyn Fn(f64) -> f64| -> Vector3<f64> {
+        means.iter().zip(times).map(|(mean, t)| mean * part(*t)).sum()
+    };
+    let (centre, curve) = (along(&|_| 1.0 / n), along(&weight) / size);
+    let slope = along(&|t| (t - middle) / (n * second));
+    let rest = means
+        .iter()
+        .zip(times)
+        .map(|(mean, t)| (mean - centre - slope * (t - middle) - curve * weight(*t)).norm_squared());
+    let left = (rest.sum::<f64>() / n).sqrt();
+    (left < LEFT).then_some(2.0 * curve)
 }

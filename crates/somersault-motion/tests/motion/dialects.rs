@@ -518,7 +518,10 @@ fn key_points_of_each_program_are_read() {
             ),
             false,
         ),
-        (format!("{{\"t\":0,\"pose_landmarks\":[{all}]}}\n{{\"t\":0.04,\"pose_landmarks\":[{all}]}}\n"), true),
+        (
+            format!("{{\"t\":0,\"pose_landmarks\":[{all}]}}\n{{\"t\":0.04,\"pose_landmarks\":[{all}]}}\n"),
+            true,
+        ),
         (
             format!(
                 "{{\"fps\":25,\"landmarks\":[{{\"frame\":0,\"pose_landmarks\":[{all}]}},{{\"frame\":1,\"pose_landmarks\":[{all}]}}]}}"

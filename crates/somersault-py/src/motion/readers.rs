@@ -189,8 +189,8 @@ pub(super) fn warn(py: Python<'_>, message: &str) -> Result<(), Error> {
 ///
 /// What the file does not say itself is taken from the arguments, or from the format where these are not given. Text may be
 /// UTF-8, UTF-16 or Latin-1. What is not quite of its format but has one meaning only is repaired: `repairs` of the recording
-/// lists what was found where, and each repair is a `somersault.errors.ReadWarning`. So do decisions, without a warning: which axis is
-/// up where `up` is not given and markers show another than usual (heads above feet, or the fall of a flight), which columns are
+/// lists what was found where, and each repair is a `somersault.errors.ReadWarning`. So do decisions, without a warning: which axis
+/// of a TRC or C3D is up where `up` is not given and markers show another than usual (heads above feet, or the fall of a flight), which columns are
 /// angles in degrees, which person is followed.
 ///
 /// Parameters
@@ -566,7 +566,7 @@ pub(crate) fn read_trc<'py>(
 /// unit : str, optional
 ///     Unit of length where the file has none; m unless given.
 /// up, forward : str, optional
-///     Axes of the file that point up and forward. Unless given, z is up, of Motive y, or what the markers show.
+///     Axes of the file that point up and forward. Unless given, z is up, and y of Motive.
 /// nan_is_gap : bool, optional
 ///     Whether a marker with three times NaN is missing. If it is not, that is a repair.
 /// rate : float, optional
