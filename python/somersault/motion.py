@@ -14,6 +14,7 @@ describe motions; a `ScoringModel` learns scores, and `validate` measures how ac
 | TRC | `read_trc` | `write_trc` | markers |
 | CSV, TSV, also of Motive, Nexus and QTM | `read_csv` | `write_csv` | markers, channels |
 | MOT, STO | `read_mot` | `write_mot` | channels |
+| GLB (glTF) | | `write_glb` | skeletons, markers |
 | key points (JSON) | `read_pose` | | key points |
 | any of these, as the file has it | `read_file` | | |
 | a list of motions with scores | `read_judged` | `JudgedSet.save` | markers |

@@ -150,6 +150,21 @@ def test_channels_events_and_force_plates_of_a_c3d_are_those_of_ezc3d() -> None:
             reader("no such file")  # type: ignore[operator]
 
 
+def test_a_glb_holds_what_was_recorded(tmp_path: Path) -> None:
+    skeleton = motion.read_bvh(FILES / "bvhio.bvh", unit="m")
+    markers = skeleton.joint_centres()
+    for recording in (skeleton, markers):
+        motion.write_glb(tmp_path / "a.glb", recording)
+        content = (tmp_path / "a.glb").read_bytes()
+        n = int.from_bytes(content[12:16], "little")
+        document = json.loads(content[20 : 20 + n])
+        names = {node.get("name") for node in document["nodes"]}
+        assert set(markers.names) <= names and int.from_bytes(content[8:12], "little") == len(content)
+    for bad in (None, [], motion.ChannelRecording(["a"], [0.0], [[1.0]])):
+        with pytest.raises(TypeError, match="`recording` must be a SkeletonRecording or a MarkerRecording"):
+            motion.write_glb(tmp_path / "a.glb", bad)  # type: ignore[arg-type]
+
+
 def test_what_is_of_no_format_is_refused_with_what_was_found(tmp_path: Path) -> None:
     (tmp_path / "a.mov").write_bytes(b"moov")
     with pytest.raises(errors.InputError, match="begins with `moov`, which is none of C3D, TRC, BVH"):

@@ -61,6 +61,7 @@ __all__ = [
     "write_bvh",
     "write_c3d",
     "write_csv",
+    "write_glb",
     "write_joint_motion",
     "write_mot",
     "write_trc",
@@ -306,6 +307,7 @@ def write_c3d(
     up: str = "z",
     forward: str = "x",
 ) -> None: ...
+def write_glb(path: str | PathLike[str], recording: SkeletonRecording | MarkerRecording) -> None: ...
 def write_mot(path: str | PathLike[str], recording: ChannelRecording, *, in_degrees: bool = True) -> None: ...
 def write_bvh(
     path: str | PathLike[str],

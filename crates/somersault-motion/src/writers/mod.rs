@@ -6,6 +6,7 @@
 //! | TRC | [`trc`] | markers | all digits |
 //! | C3D, point data | [`c3d`] | markers | single precision |
 //! | BVH | [`bvh`] | skeletons | rotations as angles, to rounding |
+//! | GLB (glTF) | [`glb`] | skeletons, markers | single precision |
 //! | MOT, STO | [`mot`] | channels | all digits; angles in degrees to rounding |
 //! | motions of DeepMimic (JSON) | [`joint_motion`] | skeletons of that format | to rounding |
 //!
@@ -18,6 +19,7 @@
 pub mod bvh;
 pub mod c3d;
 pub mod csv;
+pub mod glb;
 pub mod joint_motion;
 pub mod mot;
 pub mod trc;

@@ -56,5 +56,7 @@ pub(crate) mod module {
     #[pymodule_export]
     use crate::motion::validation::{Baseline, Correlation, Validation, pearson, spearman, validate};
     #[pymodule_export]
-    use crate::motion::writers::{write_bvh, write_c3d, write_csv, write_joint_motion, write_mot, write_trc};
+    use crate::motion::writers::{
+        write_bvh, write_c3d, write_csv, write_glb, write_joint_motion, write_mot, write_trc,
+    };
 }

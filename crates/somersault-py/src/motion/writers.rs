@@ -5,8 +5,10 @@ use super::convention::convention;
 use super::markers::MarkerRecording;
 use super::matrix;
 use super::skeleton::SkeletonRecording;
+use crate::core::convert::a_type;
 use crate::core::error::Error;
 use crate::core::waiting::leave_on_signal;
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use somersault::motion::writers;
@@ -172,6 +174,46 @@ pub(crate) fn write_mot(
     let recording = recording.get().recording.clone();
     let text = leave_on_signal(path.py(), move |_| writers::mot::write(&recording, &name, in_degrees))?;
     put(path, text.as_bytes())
+}
+
+/// Writes a recording as GLB, the binary form of glTF 2.0, which viewers, engines and browsers play.
+///
+/// A skeleton is a stick figure with a node for each joint, markers are points, which have no size while they are missing. Lengths are
+/// in m; in glTF z is forward, x left and y up. Players begin with the first frame at t = 0.
+///
+/// Parameters
+/// ----------
+/// path : path
+/// recording : SkeletonRecording or MarkerRecording
+///
+/// Raises
+/// ------
+/// WriteError
+///     If a number is beyond single precision.
+///
+/// Examples
+/// --------
+/// >>> import pathlib, tempfile
+/// >>> import numpy as np
+/// >>> from somersault import motion
+/// >>> path = pathlib.Path(tempfile.mkdtemp()) / "walk.glb"
+/// >>> motion.write_glb(path, motion.MarkerRecording(["hip"], [0.0, 0.01], np.ones((2, 1, 3))))
+/// >>> path.read_bytes()[:4]
+/// b'glTF'
+#[pyfunction]
+pub(crate) fn write_glb(path: &Bound<'_, PyAny>, recording: &Bound<'_, PyAny>) -> Result<(), Error> {
+    let bytes = if let Ok(skeleton) = recording.cast::<SkeletonRecording>() {
+        let recording = skeleton.get().recording.clone();
+        leave_on_signal(path.py(), move |_| writers::glb::write_skeleton(&recording))?
+    } else if let Ok(markers) = recording.cast::<MarkerRecording>() {
+        let recording = markers.get().recording.clone();
+        leave_on_signal(path.py(), move |_| writers::glb::write_markers(&recording))?
+    } else {
+        let found = a_type(recording);
+        let message = format!("`recording` must be a SkeletonRecording or a MarkerRecording, found {found}");
+        return Err(PyTypeError::new_err(message).into());
+    };
+    put(path, &bytes)
 }
 
 /// Writes a skeleton and its motion as BVH.
