@@ -14,6 +14,7 @@ describe motions; a `ScoringModel` learns scores, and `validate` measures how ac
 | TRC | `read_trc` | `write_trc` | markers |
 | CSV, TSV, also of Motive, Nexus and QTM | `read_csv` | `write_csv` | markers, channels |
 | MOT, STO | `read_mot` | `write_mot` | channels |
+| AMASS (SMPL, `.npz`) | `read_amass` | | skeletons |
 | GLB (glTF) | | `write_glb` | skeletons, markers |
 | key points (JSON) | `read_pose` | | key points |
 | any of these, as the file has it | `read_file` | | |
@@ -44,9 +45,10 @@ Whether it is a success is another question: joint centres do not say how head, 
 (False, 'undetermined')
 """
 
+from somersault._body_models import read_amass
 from somersault._markers import low_pass, place_markers
 from somersault._somersault import motion as _extension
 from somersault._somersault.motion import *  # noqa: F403
 
-__all__ = ["low_pass", "place_markers"]
+__all__ = ["low_pass", "place_markers", "read_amass"]
 __all__ += _extension.__all__

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import pickle
 import warnings
+import zipfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from somersault import errors, motion
 from somersault.cli import main
@@ -163,6 +166,90 @@ def test_a_glb_holds_what_was_recorded(tmp_path: Path) -> None:
     for bad in (None, [], motion.ChannelRecording(["a"], [0.0], [[1.0]])):
         with pytest.raises(TypeError, match="`recording` must be a SkeletonRecording or a MarkerRecording"):
             motion.write_glb(tmp_path / "a.glb", bad)  # type: ignore[arg-type]
+
+
+def test_a_motion_of_amass_is_that_of_its_body(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    rest, poses = rng.normal(size=(24, 3)), rng.normal(size=(4, 156))
+    trans, path = rng.normal(size=(4, 3)), tmp_path / "walk.npz"
+    np.savez(path, poses=poses, trans=trans, mocap_framerate=120.0, betas=np.zeros(16), gender="neutral")
+    found = motion.read_amass(path, rest)
+    np.testing.assert_allclose(found.times, np.arange(4) / 120.0)
+    # SMPL's own forward kinematics: 4 × 4 matrices, one after another (Loper et al., 2015, equation 3)
+    centres = found.joint_centres()
+    parents = [joint.parent for joint in found.skeleton.joints]
+    for i in range(4):
+        chain: list[np.ndarray] = []
+        for k, parent in enumerate(parents):
+            own = np.eye(4)
+            own[:3, :3] = Rotation.from_rotvec(poses[i, 3 * k : 3 * k + 3]).as_matrix()
+            own[:3, 3] = rest[k] if parent is None else rest[k] - rest[parent]
+            chain.append(own if parent is None else chain[parent] @ own)
+        expected = np.array([pose[:3, 3] for pose in chain]) + trans[i]
+        np.testing.assert_allclose(centres.points[i], expected, atol=1e-12)
+    # lengths of a file of the model, and a file of SMPL-X
+    vertices, regressor = rng.normal(size=(30, 3)), rng.normal(size=(24, 30))
+    np.savez(tmp_path / "model.npz", J_regressor=regressor, v_template=vertices)
+    np.savez(
+        tmp_path / "x.npz",
+        root_orient=poses[:, :3],
+        pose_body=poses[:, 3:66],
+        trans=trans,
+        mocap_frame_rate=60,
+    )
+    other = motion.read_amass(tmp_path / "x.npz", tmp_path / "model.npz")
+    np.testing.assert_allclose(other.places[0, 0], (regressor @ vertices)[0] + trans[0])
+    np.testing.assert_array_equal(other.rotations, found.rotations)
+
+
+def test_what_is_no_motion_of_amass_is_refused(tmp_path: Path) -> None:
+    rest = np.zeros((22, 3))
+    whole: dict[str, Any] = {"poses": np.zeros((2, 66)), "trans": np.zeros((2, 3)), "mocap_framerate": 60.0}
+    path = tmp_path / "a.npz"
+    for change, message in (
+        ({"poses": np.zeros((2, 60))}, "`poses` must have at least 66 numbers a frame, found 60"),
+        ({"poses": np.full((2, 66), np.nan)}, "`poses` must be finite"),
+        ({"trans": np.zeros((2, 2))}, r"`trans` must have the shape \(n, 3\), found \(2, 2\)"),
+        ({"trans": np.zeros((0, 3)), "poses": np.zeros((0, 66))}, "at least one frame"),
+        ({"mocap_framerate": 0.0}, "the rate must be positive"),
+        ({"trans": np.array(["a", "b"])}, "`trans` must be numbers"),
+    ):
+        np.savez(path, **{**whole, **change})
+        with pytest.raises(errors.ReadError, match=message):
+            motion.read_amass(path, rest)
+    np.savez(path, poses=whole["poses"], trans=whole["trans"])
+    with pytest.raises(
+        errors.ReadError, match="`mocap_framerate` or `mocap_frame_rate` is needed, found poses, trans"
+    ):
+        motion.read_amass(path, rest)
+    np.savez(path, **whole)
+    content = path.read_bytes()
+    rng = np.random.default_rng(11)
+    for _ in range(200):
+        damaged = bytearray(content)
+        for at in rng.integers(0, len(content), 3):
+            damaged[at] = rng.integers(0, 256)
+        path.write_bytes(damaged[: int(rng.integers(1, len(content) + 1))])
+        with contextlib.suppress(errors.ReadError):
+            motion.read_amass(path, rest)
+    # what NumPy's own parser of heads stumbles on, in an archive that is whole
+    for head in (
+        b"(",
+        b"{'descr': '<f8",
+        b"{'descr': '<f8', 'fortran_order': False, 'shape': (9999999999999, 3), }",
+    ):
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr(
+                "mocap_framerate.npy", b"\x93NUMPY\x01\x00" + len(head).to_bytes(2, "little") + head
+            )
+        with pytest.raises(errors.ReadError, match="`mocap_framerate`"):
+            motion.read_amass(path, rest)
+    np.save(tmp_path / "a.npy", rest)
+    with pytest.raises(errors.ReadError, match=r"a file \.npz of NumPy is needed"):
+        motion.read_amass(tmp_path / "a.npy", rest)
+    for bad in (np.zeros((20, 3)), np.zeros(22), "none.npz", [["a"] * 3] * 22, np.full((22, 3), np.nan)):
+        with pytest.raises((ValueError, OSError), match=r"`body`|none"):
+            motion.read_amass(path, bad)
 
 
 def test_what_is_of_no_format_is_refused_with_what_was_found(tmp_path: Path) -> None:
