@@ -7,8 +7,12 @@ use somersault_motion::recording::LengthUnit;
 
 fuzz_target!(|file: &[u8]| {
     for (format, nan_is_gap) in FORMATS.into_iter().flat_map(|format| [(format, false), (format, true)]) {
-        let options =
-            ReadOptions { unit: Some(LengthUnit::Centimetre), nan_is_gap, rate: Some(100.0), ..ReadOptions::default() };
+        let options = ReadOptions {
+            unit: Some(LengthUnit::Centimetre),
+            nan_is_gap,
+            rate: Some(100.0),
+            ..ReadOptions::default()
+        };
         match format.read(file, &options).map(|found| found.recording) {
             Ok(Recording::Markers(recording)) => {
                 assert_eq!(recording.frames().len(), recording.times().len());

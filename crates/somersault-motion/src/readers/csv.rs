@@ -100,10 +100,8 @@ fn parse(text: &str, choices: &Choices, repairs: &mut Repairs) -> Result<Parsed,
         let options = MarkerOptions { convention: choices.convention, nan_is_gap: choices.given.nan_is_gap };
         return Ok(Recording::Markers(read(text, &options)?).into());
     }
-    let unit = header.unit.unwrap_or(LengthUnit::Metre);
-    let convention = choices
-        .convention_of(choices.given.unit.filter(|_| header.unit.is_none()).unwrap_or(unit), header.up)?;
-    let convention = convention.with_unit(header.unit.or(choices.given.unit).unwrap_or(unit));
+    let unit = header.unit.or(choices.given.unit).unwrap_or(header.usual_unit);
+    let convention = choices.convention_with(header.up)?.with_unit(unit);
     let options = MarkerOptions { convention, nan_is_gap: choices.given.nan_is_gap };
     let rate = choices.given.rate.or(header.rate);
     let (mut places, mut times, mut points, mut values) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());

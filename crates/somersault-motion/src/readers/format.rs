@@ -90,9 +90,9 @@ pub(super) struct Choices {
 }
 
 impl Choices {
-    /// What the caller says, and in its place what a dialect of the format does.
-    pub(super) fn convention_of(&self, unit: LengthUnit, up: Axis) -> Result<Convention, ReadError> {
-        self.given.convention(unit, up, Axis::PlusX)
+    /// The same for a dialect of the format in which this axis points up.
+    pub(super) fn convention_with(&self, up: Axis) -> Result<Convention, ReadError> {
+        self.given.convention(self.convention.unit(), up, self.convention.forward())
     }
 }
 

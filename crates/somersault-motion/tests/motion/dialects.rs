@@ -415,6 +415,11 @@ fn exports_of_motive_nexus_and_qtm_are_read() {
     assert!(repairs.iter().all(|repair| repair.is_decision), "{repairs:?}");
     let (found, _) = markers(read(MOTIVE));
     assert_eq!(found.names(), ["Club", "Anna:HIP", "Anna:KNEE"]);
+    // a unit that the file declares counts, and that of the caller where it has none
+    let centimetres = ReadOptions { unit: Some(LengthUnit::Centimetre), ..ReadOptions::default() };
+    assert_eq!(markers(read_with(MOTIVE.as_bytes(), &centimetres).unwrap()).0.frame(0), found.frame(0));
+    let (seen, _) = markers(read_with(QTM.as_bytes(), &centimetres).unwrap());
+    assert_eq!(seen.frame(0).unwrap()[0], Some(Vector3::new(1.0, 2.0, 9.0)));
     let (found, repairs) = markers(read(NEXUS));
     assert_eq!((found.names(), found.times()), (&["HIP", "KNEE"].map(String::from)[..], &[0.1, 0.11][..]));
     assert_eq!(found.frame(1).unwrap()[..], [Some(Vector3::new(0.1, 0.2, 0.901)), None]);

@@ -27,7 +27,9 @@ pub(super) struct Header {
     pub(super) what: What,
     /// Cells that rows have.
     pub(super) width: usize,
+    /// The unit that the file declares, and that of the program where neither the file nor the caller says one.
     pub(super) unit: Option<LengthUnit>,
+    pub(super) usual_unit: LengthUnit,
     pub(super) up: Axis,
     /// Frames a second.
     pub(super) rate: Option<f64>,
@@ -209,6 +211,7 @@ impl Header {
             what: What::Channels(Vec::new()),
             width: names.len(),
             unit: None,
+            usual_unit: LengthUnit::Metre,
             up: Axis::PlusZ,
             rate: None,
             zero_is_gap: false,
@@ -401,7 +404,7 @@ impl Header {
         }
         self.place = place;
         self.width = lead + expected;
-        self.unit = self.unit.or(Some(LengthUnit::Millimetre));
+        self.usual_unit = LengthUnit::Millimetre;
         self.zero_is_gap = true;
         self.what = What::Markers(
             names.into_iter().enumerate().map(|(k, name)| (name.clone(), lead + 3 * k)).collect(),
