@@ -271,7 +271,6 @@ def test_what_is_of_no_format_is_refused_with_what_was_found(tmp_path: Path) -> 
         ("bvhio.bvh", (FILES / "bvhio.bvh").read_text(), ["--unit", "m"], "SkeletonRecording"),
     ],
 )
-@pytest.mark.filterwarnings("ignore::somersault.errors.ReadWarning")
 def test_a_file_is_shown_by_the_command_line(
     name: str,
     text: str,

@@ -7,12 +7,13 @@ import html
 import importlib.util
 import io
 import sys
+import warnings
 import webbrowser
 from pathlib import Path
 from typing import Any
 
 from somersault.cli import tables
-from somersault.errors import InputError
+from somersault.errors import InputError, ReadWarning
 
 #: What the program may be told of a file, as `motion.read_file` is.
 _READING = ("unit", "up", "forward", "rate", "person", "strict")
@@ -27,7 +28,10 @@ def view(arguments: argparse.Namespace) -> int:
     page = arguments.html or Path(f"{arguments.file.stem}.html")
     tables.check_page(page)
     tables.check_distinct(arguments.file, html=page)
-    found = motion.read_file(arguments.file, **{name: getattr(arguments, name) for name in _READING})
+    with warnings.catch_warnings():
+        # repairs are printed below
+        warnings.simplefilter("ignore", ReadWarning)
+        found = motion.read_file(arguments.file, **{name: getattr(arguments, name) for name in _READING})
     for repair in found.repairs:
         print(f"{arguments.file}: {repair}", file=sys.stderr)
     page.write_text(_page(found, arguments.file.stem), encoding="utf-8")
