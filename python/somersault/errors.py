@@ -116,4 +116,4 @@ class TraceError(InputError):
 
 
 class ReadWarning(UserWarning):
-    """A file contradicts itself and was read: the message has what is declared and what was used."""
+    """A file is not quite of its format and was read: the message has where, and what was done."""

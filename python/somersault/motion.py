@@ -1,18 +1,23 @@
 """Recorded motions: read, fitted by a model, analysed and scored.
 
 Readers bring files to one convention: m, s, x forward, y left and z up. A `MarkerRecording` has positions of
-named markers, with gaps; a `SkeletonRecording` a tree of joints and how they turned. A `MarkerFit` lays a
-model with a `MarkerSet` over markers; `Pca`, `project` and `GroupComparison` describe motions; a
-`ScoringModel` learns scores, and `validate` measures how accurate they are.
+named markers, with gaps; a `SkeletonRecording` a tree of joints and how they turned; a `KeypointRecording`
+what a pose estimator found; a `ChannelRecording` named numbers. Their `repairs` list what was put right in a
+file. A `MarkerFit` lays a model with a `MarkerSet` over markers; `Pca`, `project` and `GroupComparison`
+describe motions; a `ScoringModel` learns scores, and `validate` measures how accurate they are.
 
 | Format | Reader | Writer | Of |
 |---|---|---|---|
 | BVH | `read_bvh` | `write_bvh` | skeletons |
 | motions of DeepMimic (JSON) | `read_joint_motion` | `write_joint_motion` | skeletons |
-| C3D, point data | `read_c3d` | `write_c3d` | markers |
+| C3D | `read_c3d`, `read_c3d_channels`, … | `write_c3d` | markers, channels |
 | TRC | `read_trc` | `write_trc` | markers |
-| CSV | `read_csv` | `write_csv` | markers |
-| any of these, as the ending says | `read_file` | | |
+| CSV, TSV, also of Motive, Nexus and QTM | `read_csv` | `write_csv` | markers, channels |
+| MOT, STO | `read_mot` | `write_mot` | channels |
+| AMASS (SMPL, `.npz`) | `read_amass` | | skeletons |
+| GLB (glTF) | | `write_glb` | skeletons, markers |
+| key points (JSON) | `read_pose` | | key points |
+| any of these, as the file has it | `read_file` | | |
 | a list of motions with scores | `read_judged` | `JudgedSet.save` | markers |
 
 Since no set of judged dives is public, a `SyntheticSet` makes one; all that is derived from it is labelled
@@ -40,9 +45,10 @@ Whether it is a success is another question: joint centres do not say how head, 
 (False, 'undetermined')
 """
 
+from somersault._body_models import read_amass
 from somersault._markers import low_pass, place_markers
 from somersault._somersault import motion as _extension
 from somersault._somersault.motion import *  # noqa: F403
 
-__all__ = ["low_pass", "place_markers"]
+__all__ = ["low_pass", "place_markers", "read_amass"]
 __all__ += _extension.__all__

@@ -477,6 +477,23 @@ motion.read_trc("a.trc")
 motion.read_c3d("a.c3d")
 motion.read_bvh("a.bvh", unit="m")
 motion.read_file("a.bvh", unit="m", up="y", forward="z")
+curves = motion.ChannelRecording(["knee", "hip"], stamps, shape[:, :2, 0], ["rad", "m"])
+curves.track("knee")
+curves.select(["hip"])
+np.savez("a.npz", poses=np.zeros((3, 66)), trans=np.zeros((3, 3)), mocap_framerate=60.0)
+motion.read_amass("a.npz", np.ones((22, 3)))
+motion.write_glb("a.glb", recording)
+motion.write_mot("a.mot", curves, in_degrees=True)
+motion.read_mot("a.mot", strict=True)
+pictured = motion.KeypointRecording(["nose", "toe"], stamps, shape[:, :2, :2], np.ones((20, 2)))
+pictured.markers(scale=0.01, up="-y", forward="x", threshold=0.5)
+pictured.markers(scale=(0.01, 0.02))
+with open("pose.json", "w") as file:
+    json.dump([{"people": [{"pose_keypoints_2d": [1.0, 2.0, 0.5]}]}] * 2, file)
+motion.read_pose("pose.json", rate=30.0, person=0, strict=False)
+motion.read_c3d_channels("a.c3d")
+motion.read_c3d_events("a.c3d")
+motion.read_c3d_force_plates("a.c3d")
 numbers = (
     [0.1, 0.0, 0.9, 0.0]
     + [1.0, 0.0, 0.0, 0.0] * 4

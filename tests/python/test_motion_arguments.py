@@ -79,6 +79,18 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
         motion.MarkerRecording,
         {"names": SEEN.names, "times": TIMES, "points": SEEN.points, "present": SEEN.present},
     ),
+    "ChannelRecording": (
+        motion.ChannelRecording,
+        {"names": ["a"], "times": TIMES, "values": TIMES[:, None], "units": ["m"]},
+    ),
+    "KeypointRecording": (
+        motion.KeypointRecording,
+        {"names": ["a"], "times": TIMES, "points": PATH[:, None], "weights": np.ones((12, 1))},
+    ),
+    "KeypointRecording.markers": (
+        motion.KeypointRecording(["a"], TIMES, PATH[:, None], np.ones((12, 1))).markers,
+        {"scale": 0.01, "up": "-y", "forward": "x", "threshold": 0.1},
+    ),
     "MarkerRecording.fill_gaps": (SEEN.fill_gaps, {"longest": 0.1}),
     "MarkerRecording.resample": (SEEN.resample, {"n_frames": 5}),
     "MarkerSet": (
@@ -146,7 +158,17 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
     ),
     "read_file": (
         lambda **more: motion.read_file(io.StringIO(BVH), **more),
-        {"format": "bvh", "unit": "m", "up": "y", "forward": "z", "nan_is_gap": True, "diver": DIVER},
+        {
+            "format": "bvh",
+            "strict": True,
+            "unit": "m",
+            "up": "y",
+            "forward": "z",
+            "nan_is_gap": True,
+            "rate": 10.0,
+            "person": 0,
+            "diver": DIVER,
+        },
     ),
     "spearman": (motion.spearman, {"x": SCORES, "y": SCORES}),
     "somersaults": (motion.somersaults, {"model": DIVER.model, "q": Q}),
@@ -183,7 +205,19 @@ def test_bad_arguments_are_refused_by_name(name: str) -> None:
                 assert any(name in _shown(error) for name in named), f"{argument}={bad!r}: {error!r}"
 
 
-@pytest.mark.parametrize("reader", ["read_bvh", "read_c3d", "read_csv", "read_joint_motion", "read_trc"])
+@pytest.mark.parametrize(
+    "reader",
+    [
+        "read_bvh",
+        "read_c3d",
+        "read_c3d_channels",
+        "read_csv",
+        "read_joint_motion",
+        "read_mot",
+        "read_pose",
+        "read_trc",
+    ],
+)
 def test_what_is_no_file_is_refused_by_name(reader: str) -> None:
     more = {"unit": "m"} if reader == "read_bvh" else {}
     for bad in [np.nan, -1, 0, None, [], {}]:

@@ -1,6 +1,7 @@
 """What stands for an object at the prompt: it says what the object is, in a line, and computes nothing."""
 
 import inspect
+import io
 import re
 import time
 from collections.abc import Callable
@@ -42,6 +43,11 @@ ARM = multibody.two_link_arm()
 LINEAR = ftla.linear_regulator()
 FLOW = ftla.VariationalFlow(LINEAR)
 TIMES = np.linspace(0.0, 1.0, 20)
+
+
+def repaired() -> motion.Repair:
+    text = io.StringIO("squat\nnColumns=2\ninDegrees=yes\nendheader\ntime\tknee_angle_r\n0\t0\n")
+    return motion.read_mot(text).repairs[0]
 
 
 @cache
@@ -202,6 +208,8 @@ def invert(x: float) -> float:
 #: How an object of each public class is made.
 MADE: dict[str, Callable[[], Any]] = {
     # bodies and their motions
+    "ChannelRecording": lambda: motion.ChannelRecording(["hip"], TIMES, np.zeros((20, 1))),
+    "Repair": repaired,
     "RigidBody": lambda: BODY,
     "Function": lambda: somersault.expr.Function(lambda x, u: x * u, x=(7, 3), u=()),
     "State": lambda: STATE,
@@ -315,6 +323,9 @@ MADE: dict[str, Callable[[], Any]] = {
     "GroupComparison": lambda: motion.GroupComparison({f"group {i}": [fit()] for i in range(90)}, "scale"),
     "JudgedSet": lambda: dives().judged_set(),
     "MarkerFit": lambda: motion.MarkerFit(motion.MarkerSet.joint_centres(ARM)),
+    "KeypointRecording": lambda: motion.KeypointRecording(
+        ["hip"], TIMES, np.zeros((20, 1, 2)), np.ones((20, 1))
+    ),
     "MarkerRecording": lambda: motion.MarkerRecording(["hip"], TIMES, np.zeros((20, 1, 3))),
     "MarkerSet": lambda: motion.MarkerSet.joint_centres(ARM),
     "MotionFit": fit,

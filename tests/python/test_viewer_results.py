@@ -44,6 +44,14 @@ def seen() -> motion.MarkerRecording:
     return motion.MarkerRecording(whole.names, TIMES, whole.points, present)
 
 
+def pictured(n_dims: int) -> motion.KeypointRecording:
+    """Key points of the same diver, of whom one was not found for a while."""
+    whole = seen()
+    points = np.nan_to_num(whole.points)
+    points = points if n_dims == 3 else 400.0 - 100.0 * points[:, :, [0, 2]]
+    return motion.KeypointRecording(whole.names, TIMES, points, whole.present.astype(float))
+
+
 def reread(ending: str, write: Callable[..., None], folder: Path) -> Any:
     write(folder / f"markers.{ending}", seen())
     return motion.read_file(folder / f"markers.{ending}")
@@ -174,6 +182,8 @@ SHOWN: dict[str, Callable[[pytest.FixtureRequest, Path], Any]] = {
     "ArmExtremal": lambda request, _: ftla.ArmExtremal(
         np.pi, 0, 0.3, request.getfixturevalue("arm").extremal
     ),
+    "KeypointRecording of a picture": lambda _, __: pictured(2),
+    "KeypointRecording in space": lambda _, __: pictured(3),
     "MarkerRecording": lambda _, __: seen(),
     "MarkerRecording of a C3D": lambda _, folder: reread("c3d", motion.write_c3d, folder),
     "MarkerRecording of a TRC": lambda _, folder: reread("trc", motion.write_trc, folder),
@@ -197,8 +207,8 @@ WITHOUT = {
     "Chain",
     "CompliantLaw",
     "Constraint",
-    "ControlProblem",
     "Contact",
+    "ControlProblem",
     "Convergence",
     "Correlation",
     "Cost",
@@ -216,9 +226,9 @@ WITHOUT = {
     "Failure",
     "Following",
     "Force",
+    "ForceModel",
     "FtleField",
     "Function",
-    "ForceModel",
     "Geometry",
     "Gravitation",
     "Gravity",
@@ -241,9 +251,11 @@ WITHOUT = {
     "Perturbation",
     "Phase",
     "Placement",
+    "PolishResult",
     "Problem",
     "Projection",
     "RegularisedFriction",
+    "Repair",
     "Resistance",
     "Ridge",
     "Scene",
@@ -253,7 +265,6 @@ WITHOUT = {
     "Shape",
     "Skeleton",
     "SkeletonJoint",
-    "PolishResult",
     "SolutionSensitivity",
     "Spectrum",
     "Sphere",

@@ -4,7 +4,9 @@
     python tests/python/write_motion_files.py
 
 `ezc3d.c3d` and `ezc3d.json`: three markers, the second missing in frame 2, as ezc3d writes them and as it
-reads them back. `bvhio.bvh` and `bvhio.json`: four joints, as bvhio writes them, and where its own kinematics
+reads them back. `channels.c3d` and `channels.json`: two channels of three samples a frame, two events and a
+force plate, likewise.
+`bvhio.bvh` and `bvhio.json`: four joints, as bvhio writes them, and where its own kinematics
 has the joints; bvhio computes in single precision.
 """
 
@@ -32,6 +34,48 @@ def c3d() -> None:
     read = ezc3d.c3d(str(FOLDER / "ezc3d.c3d"))["data"]["points"][:3]
     frames = np.where(np.isnan(read), None, read.astype(object)).transpose(2, 1, 0).tolist()
     (FOLDER / "ezc3d.json").write_text(json.dumps(frames), encoding="utf-8")
+
+
+def channels() -> None:
+    written = ezc3d.c3d()
+    parameters = written["parameters"]
+    parameters["POINT"]["RATE"]["value"] = [100.0]
+    parameters["POINT"]["UNITS"]["value"] = ["mm"]
+    parameters["POINT"]["LABELS"]["value"] = ["toe"]
+    written["data"]["points"] = np.ones((4, 1, 4))
+    parameters["ANALOG"]["RATE"]["value"] = [300.0]
+    parameters["ANALOG"]["LABELS"]["value"] = ["Force.Fz1", "EMG"]
+    parameters["ANALOG"]["UNITS"]["value"] = ["N", "V"]
+    written["data"]["analogs"] = 1e2 * np.sin(np.arange(2 * 12)).reshape(1, 2, 12)
+    corners = np.array([[0, 0, 0], [500, 0, 0], [500, 400, 0], [0, 400, 0]], float)
+    written.add_parameter("FORCE_PLATFORM", "USED", [1])
+    written.add_parameter("FORCE_PLATFORM", "TYPE", [2])
+    written.add_parameter("FORCE_PLATFORM", "ZERO", [1, 0])
+    written.add_parameter("FORCE_PLATFORM", "CORNERS", corners.T.reshape(3, 4, 1))
+    written.add_parameter("FORCE_PLATFORM", "ORIGIN", np.array([[0.5], [-1.5], [-40.0]]))
+    written.add_parameter("FORCE_PLATFORM", "CHANNEL", np.array([[1.0], [2.0]]))
+    written.add_event(time=[0, 0.02], context="Right", label="Foot Off")
+    written.add_event(time=[0, 0.01], context="Left", label="Foot Strike")
+    written.write(str(FOLDER / "channels.c3d"))
+    read = ezc3d.c3d(str(FOLDER / "channels.c3d"))
+    events, group = read["parameters"]["EVENT"], read["parameters"]["FORCE_PLATFORM"]
+    found = {
+        "names": read["parameters"]["ANALOG"]["LABELS"]["value"],
+        "units": read["parameters"]["ANALOG"]["UNITS"]["value"],
+        "values": read["data"]["analogs"][0].T.tolist(),
+        "events": [
+            [float(minutes * 60 + seconds), label, context]
+            for (minutes, seconds), label, context in zip(
+                np.asarray(events["TIMES"]["value"]).T,
+                events["LABELS"]["value"],
+                events["CONTEXTS"]["value"],
+                strict=True,
+            )
+        ],
+        "corners": np.asarray(group["CORNERS"]["value"])[:, :, 0].T.tolist(),
+        "origin": np.asarray(group["ORIGIN"]["value"])[:, 0].tolist(),
+    }
+    (FOLDER / "channels.json").write_text(json.dumps(found), encoding="utf-8")
 
 
 def bvh() -> None:
@@ -63,4 +107,5 @@ def bvh() -> None:
 if __name__ == "__main__":
     FOLDER.mkdir(exist_ok=True)
     c3d()
+    channels()
     bvh()

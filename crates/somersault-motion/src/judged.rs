@@ -18,8 +18,8 @@
 
 use crate::readers::csv::Rows;
 use crate::readers::{
-    LoadError, Place, ReadError, ReadOptions, RecordingFile, c3d, endings, load, number, read_file, text,
-    unexpected,
+    LoadError, Place, ReadError, ReadOptions, RecordingFile, Repair, format_names, load, number, read_file,
+    text, unexpected,
 };
 use crate::recording::{Convention, LengthUnit, MarkerRecording, RecordingError};
 use crate::scoring::{Performance, ScoringError};
@@ -83,8 +83,8 @@ pub struct JudgedSet {
     pub list: JudgedList,
     /// The motion of each line.
     pub recordings: Vec<MarkerRecording>,
-    /// What files of C3D declare differently in their two places, and the line of each; of sets that were not read, nothing.
-    pub contradictions: Vec<(usize, c3d::Contradiction)>,
+    /// What was repaired in files, and the line of each; of sets that were not read, nothing.
+    pub repairs: Vec<(usize, Repair)>,
 }
 
 /// Why there is no judged set.
@@ -115,7 +115,7 @@ pub enum JudgedError {
         before: usize,
     },
     /// A file has no known ending.
-    #[error("line {line} of the list: `{file}` must end in {}", endings())]
+    #[error("line {line} of the list: `{file}` is none of {}", format_names())]
     UnknownFormat {
         /// Line in the list, from 1.
         line: usize,
@@ -282,11 +282,11 @@ pub fn load_set(path: impl AsRef<Path>, options: &JudgedOptions) -> Result<Judge
     let list = load(path, |bytes| read(text(bytes)?)).map_err(JudgedError::List)?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut recordings: Vec<MarkerRecording> = Vec::with_capacity(list.motions.len());
-    let mut contradictions = Vec::new();
+    let mut repairs = Vec::new();
     let mut seen = std::collections::HashMap::new();
     for motion in &list.motions {
-        let (found, contradictory) = recording(folder, motion, options)?;
-        contradictions.extend(contradictory.into_iter().map(|c| (motion.line, c)));
+        let (found, repaired) = recording(folder, motion, options)?;
+        repairs.extend(repaired.into_iter().map(|repair| (motion.line, repair)));
         // two names of one file; where there is no such name of it, its own will do
         let path = folder.join(&motion.file);
         if let Some(before) = seen.insert(path.canonicalize().unwrap_or(path), motion.line) {
@@ -310,14 +310,14 @@ pub fn load_set(path: impl AsRef<Path>, options: &JudgedOptions) -> Result<Judge
         }
         recordings.push(found);
     }
-    Ok(JudgedSet { list, recordings, contradictions })
+    Ok(JudgedSet { list, recordings, repairs })
 }
 
 fn recording(
     folder: &Path,
     motion: &JudgedMotion,
     options: &JudgedOptions,
-) -> Result<(MarkerRecording, Vec<c3d::Contradiction>), JudgedError> {
+) -> Result<(MarkerRecording, Vec<Repair>), JudgedError> {
     let JudgedOptions { convention, nan_is_gap, diver, .. } = *options;
     let options = ReadOptions {
         unit: Some(convention.unit()),
@@ -325,11 +325,12 @@ fn recording(
         forward: Some(convention.forward()),
         nan_is_gap,
         diver,
+        ..ReadOptions::default()
     };
     let (line, file) = (motion.line, motion.file.clone());
     match read_file(folder.join(&motion.file), &options) {
-        Ok(RecordingFile { recording, contradictions }) => match recording.into_markers() {
-            Ok(recording) => Ok((recording, contradictions)),
+        Ok(RecordingFile { recording, repairs }) => match recording.into_markers() {
+            Ok(recording) => Ok((recording, repairs)),
             Err(source) => Err(JudgedError::Recording { line, file, source }),
         },
         Err(LoadError::UnknownFormat { .. }) => Err(JudgedError::UnknownFormat { line, file }),

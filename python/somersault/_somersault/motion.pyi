@@ -1,6 +1,6 @@
 from collections.abc import Sequence
 from os import PathLike
-from typing import IO, Literal, TypeAlias, final
+from typing import IO, Any, Literal, TypeAlias, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,10 +12,12 @@ from somersault._somersault.ocp import EigenpostureBase
 __all__ = [
     "Band",
     "Baseline",
+    "ChannelRecording",
     "Correlation",
     "DiveFaults",
     "GroupComparison",
     "JudgedSet",
+    "KeypointRecording",
     "MarkerFit",
     "MarkerRecording",
     "MarkerSet",
@@ -24,6 +26,7 @@ __all__ = [
     "Performance",
     "Perturbation",
     "Projection",
+    "Repair",
     "Score",
     "ScoringModel",
     "ScoringOptions",
@@ -42,10 +45,15 @@ __all__ = [
     "project",
     "read_bvh",
     "read_c3d",
+    "read_c3d_channels",
+    "read_c3d_events",
+    "read_c3d_force_plates",
     "read_csv",
     "read_file",
     "read_joint_motion",
     "read_judged",
+    "read_mot",
+    "read_pose",
     "read_trc",
     "somersaults",
     "spearman",
@@ -53,7 +61,9 @@ __all__ = [
     "write_bvh",
     "write_c3d",
     "write_csv",
+    "write_glb",
     "write_joint_motion",
+    "write_mot",
     "write_trc",
 ]
 
@@ -85,6 +95,8 @@ class MarkerRecording:
     def n_missing(self) -> int: ...
     @property
     def duration(self) -> float: ...
+    @property
+    def repairs(self) -> list[Repair]: ...
     def track(self, name: str) -> _Floats: ...
     def select(self, names: Sequence[str]) -> MarkerRecording: ...
     def resample(self, times: ArrayLike | None = None, *, n_frames: int | None = None) -> MarkerRecording: ...
@@ -145,37 +157,131 @@ class SkeletonRecording:
     def n_frames(self) -> int: ...
     @property
     def duration(self) -> float: ...
+    @property
+    def repairs(self) -> list[Repair]: ...
     def joint_centres(self) -> MarkerRecording: ...
     def resample(
         self, times: ArrayLike | None = None, *, n_frames: int | None = None
     ) -> SkeletonRecording: ...
     def __len__(self) -> int: ...
 
-def read_bvh(source: _Source, *, unit: str, up: str = "y", forward: str = "z") -> SkeletonRecording: ...
+@final
+class KeypointRecording:
+    def __new__(
+        cls, names: Sequence[str], times: ArrayLike, points: ArrayLike, weights: ArrayLike
+    ) -> KeypointRecording: ...
+    @property
+    def names(self) -> tuple[str, ...]: ...
+    @property
+    def times(self) -> _Floats: ...
+    @property
+    def points(self) -> _Floats: ...
+    @property
+    def weights(self) -> _Floats: ...
+    @property
+    def n_keypoints(self) -> int: ...
+    @property
+    def n_frames(self) -> int: ...
+    @property
+    def n_dims(self) -> int: ...
+    @property
+    def duration(self) -> float: ...
+    @property
+    def repairs(self) -> list[Repair]: ...
+    def markers(
+        self, *, scale: ArrayLike, up: str = "-y", forward: str = "x", threshold: float = 0.0
+    ) -> MarkerRecording: ...
+    def __len__(self) -> int: ...
+
+@final
+class ChannelRecording:
+    def __new__(
+        cls, names: Sequence[str], times: ArrayLike, values: ArrayLike, units: Sequence[str] | None = None
+    ) -> ChannelRecording: ...
+    @property
+    def names(self) -> tuple[str, ...]: ...
+    @property
+    def units(self) -> tuple[str, ...]: ...
+    @property
+    def times(self) -> _Floats: ...
+    @property
+    def values(self) -> _Floats: ...
+    @property
+    def n_channels(self) -> int: ...
+    @property
+    def n_frames(self) -> int: ...
+    @property
+    def duration(self) -> float: ...
+    @property
+    def repairs(self) -> list[Repair]: ...
+    def track(self, name: str) -> _Floats: ...
+    def select(self, names: Sequence[str]) -> ChannelRecording: ...
+    def __len__(self) -> int: ...
+
+@final
+class Repair:
+    @property
+    def what(self) -> str: ...
+    @property
+    def line(self) -> int | None: ...
+    @property
+    def byte(self) -> int | None: ...
+    @property
+    def count(self) -> int: ...
+    @property
+    def is_decision(self) -> bool: ...
+
+def read_bvh(
+    source: _Source, *, unit: str, up: str = "y", forward: str = "z", strict: bool = False
+) -> SkeletonRecording: ...
 def read_c3d(
     source: _Source,
     *,
     unit: str = "mm",
-    up: str = "z",
-    forward: str = "x",
+    up: str | None = None,
+    forward: str | None = None,
     nan_is_gap: bool = False,
+    strict: bool = False,
 ) -> MarkerRecording: ...
+def read_c3d_channels(source: _Source) -> ChannelRecording | None: ...
+def read_c3d_events(source: _Source) -> list[tuple[float, str, str]]: ...
+def read_c3d_force_plates(source: _Source) -> list[dict[str, Any]]: ...
 def read_trc(
-    source: _Source, *, up: str = "y", forward: str = "x", nan_is_gap: bool = False
-) -> MarkerRecording: ...
-def read_csv(
-    source: _Source, *, unit: str = "m", up: str = "z", forward: str = "x", nan_is_gap: bool = False
-) -> MarkerRecording: ...
-def read_file(
     source: _Source,
     *,
-    format: str | None = None,
+    up: str | None = None,
+    forward: str | None = None,
+    nan_is_gap: bool = False,
+    rate: float | None = None,
+    strict: bool = False,
+) -> MarkerRecording: ...
+def read_csv(
+    source: _Source,
+    *,
     unit: str | None = None,
     up: str | None = None,
     forward: str | None = None,
     nan_is_gap: bool = False,
+    rate: float | None = None,
+    strict: bool = False,
+) -> Any: ...
+def read_file(
+    source: _Source,
+    *,
+    format: str | None = None,
+    strict: bool = False,
+    unit: str | None = None,
+    up: str | None = None,
+    forward: str | None = None,
+    nan_is_gap: bool = False,
+    rate: float | None = None,
+    person: int | None = None,
     diver: Diver | None = None,
-) -> MarkerRecording | SkeletonRecording: ...
+) -> MarkerRecording | SkeletonRecording | KeypointRecording | ChannelRecording: ...
+def read_mot(source: _Source, *, strict: bool = False) -> ChannelRecording: ...
+def read_pose(
+    source: _Source, *, rate: float | None = None, person: int | None = None, strict: bool = False
+) -> KeypointRecording: ...
 def read_joint_motion(source: _Source, diver: Diver | None = None) -> SkeletonRecording: ...
 def write_csv(
     path: str | PathLike[str],
@@ -201,6 +307,8 @@ def write_c3d(
     up: str = "z",
     forward: str = "x",
 ) -> None: ...
+def write_glb(path: str | PathLike[str], recording: SkeletonRecording | MarkerRecording) -> None: ...
+def write_mot(path: str | PathLike[str], recording: ChannelRecording, *, in_degrees: bool = True) -> None: ...
 def write_bvh(
     path: str | PathLike[str],
     recording: SkeletonRecording,

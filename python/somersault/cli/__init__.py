@@ -50,7 +50,7 @@ def _schema(arguments: argparse.Namespace) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    from somersault.cli import bench, dive, motion, score
+    from somersault.cli import bench, dive, motion, score, view
 
     parser = argparse.ArgumentParser(
         prog="somersault",
@@ -72,6 +72,7 @@ def _parser() -> argparse.ArgumentParser:
     motion.add(commands)
     dive.add(commands)
     score.add(commands)
+    view.add(commands)
     bench.add(commands)
 
     schemas = commands.add_parser(

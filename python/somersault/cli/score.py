@@ -13,6 +13,7 @@ import numpy as np
 
 from somersault.cli import tables
 from somersault.cli.documents import Document, read
+from somersault.errors import InputError
 
 #: Of the table of scores. The distance is to the training motions; beyond 1 a motion is not like them.
 _COLUMNS = ("file", "score", "predicted", "distance")
@@ -132,6 +133,9 @@ def _performance(motion: Any, document: Document, where: tuple[str | int, ...], 
         recording = motion.read_file(document.path.parent / file, **reading)
         if isinstance(recording, motion.SkeletonRecording):
             recording = recording.joint_centres()
+        if not isinstance(recording, motion.MarkerRecording):
+            needed = "a recording of markers or of a skeleton is needed"
+            raise InputError(f"{file}: {needed}, found {recording!r}")
         if longest is not None:
             recording = recording.fill_gaps(longest)
         return motion.Performance.from_markers(recording)

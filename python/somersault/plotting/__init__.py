@@ -30,11 +30,12 @@ from somersault.plotting.methods import (
     work_precision_diagram,
 )
 from somersault.plotting.optimal_control import control_history
-from somersault.plotting.recordings import motion_groups
+from somersault.plotting.recordings import channels, motion_groups
 
 __all__ = [
     "abbreviation",
     "body_motion",
+    "channels",
     "compare_motions",
     "control_history",
     "energy_ratios",

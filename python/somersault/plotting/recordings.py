@@ -13,7 +13,7 @@ from somersault import motion
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-__all__ = ["motion_groups"]
+__all__ = ["channels", "motion_groups"]
 
 _GROUPS = ("#228833", "#CC6677", "#DDCC77", "#882255")
 _SINGLE = "#4477AA"
@@ -23,6 +23,42 @@ _LABELS = {
     "scale": "scaling factor",
     "rotation": "rotation, turns",
 }
+
+
+def channels(
+    recording: motion.ChannelRecording, names: Sequence[str] | None = None, ax: Axes | None = None
+) -> Axes:
+    """Channels over time, each with its name at the side.
+
+    Parameters
+    ----------
+    recording : ChannelRecording
+        As `motion.read_mot` and others return it.
+    names : sequence of str, optional
+        Those that are drawn; all unless given.
+    ax : matplotlib.axes.Axes, optional
+        Axes to draw into.
+
+    Returns
+    -------
+    matplotlib.axes.Axes
+
+    Examples
+    --------
+    >>> from somersault import motion, plotting
+    >>> squat = motion.ChannelRecording(["knee", "hip"], [0.0, 0.1], [[0.0, 0.1], [0.5, 0.2]])
+    >>> [line.get_label() for line in plotting.channels(squat, ["hip"]).lines]
+    ['hip']
+    """
+    if ax is None:
+        ax = plt.figure(figsize=(9.0, 5.4), layout="constrained").subplots()
+    for name in recording.names if names is None else names:
+        ax.plot(recording.times, recording.track(name), lw=1.4, label=name)
+    ax.set_xlabel("time, s")
+    ax.grid(color="0.92")
+    ax.margins(x=0)
+    ax.legend(frameon=False, fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return ax
 
 
 def motion_groups(

@@ -32,6 +32,8 @@ Source: TypeAlias = Model | RigidBody | Trajectory | TreeSolution | MarkerRecord
 
 #: Samples are made or left out to be about this far apart, s, and of curves are at most so many.
 FINE, _LARGEST = 1 / 60, 6000
+#: From the head to the feet of a person in a picture, m.
+_TALL = 1.7
 
 
 @dataclass(frozen=True)
@@ -165,6 +167,16 @@ def _of_skeleton(recording: motion.SkeletonRecording) -> Subject:
     return Subject(recording.skeleton.model(1.0), recording.times, recording.configurations)
 
 
+def _of_keypoints(recording: motion.KeypointRecording) -> Subject:
+    """Upright, and as tall as a person, since pictures have no unit; points in space are in m."""
+    if recording.n_dims == 3:
+        return Subject(recording.markers(scale=1.0))
+    seen = np.where(recording.weights > 0.0, recording.points[:, :, 1], np.nan)
+    tall = [np.ptp(row[np.isfinite(row)]) for row in seen if np.isfinite(row).any()]
+    size = float(np.median(tall)) if tall else 0.0
+    return Subject(recording.markers(scale=_TALL / size if size > 0.0 else 1.0))
+
+
 def _of_fit(fit: motion.MotionFit) -> Subject:
     q = np.asarray(fit.q)
     known = np.isfinite(q).all(axis=1)
@@ -205,6 +217,7 @@ MOTIONS: dict[type, Callable[[Any], Subject]] = {
     ftla.ContinuationResult: lambda found: Subject(found.extremal),
     ftla.Extremal: _of_extremal,
     ArmExtremal: lambda found: Subject(found.extremal),
+    motion.KeypointRecording: _of_keypoints,
     motion.MotionFit: _of_fit,
     motion.SkeletonRecording: _of_skeleton,
     motion.SyntheticDive: lambda dive: Subject(dive.model, dive.times, dive.q),
@@ -228,6 +241,7 @@ INSTEAD: dict[type, str] = {
     ftla.PlacementResult: "the Extremal that begins there",
     integrators.State: "a Trajectory of it and its body",
     list: "each of its entries",
+    motion.ChannelRecording: "the Model whose coordinates it has, or draw `plotting.channels`",
     motion.JudgedSet: "one of its `recordings`",
     motion.MarkerFit: "the MotionFit that its `fit` returns",
     motion.Performance: "the recording that it is made from",

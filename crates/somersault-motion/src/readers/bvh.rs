@@ -4,6 +4,7 @@
 //! the channels: for `Zrotation Xrotation Yrotation` R = R_z R_x R_y. Position channels of a joint stand for
 //! the components of its offset. An `End Site` is a joint that does not turn, named after its parent with `_end`,
 //! further ones of the same parent with `_end2`, `_end3`, …. Joints keep their names, which must differ. Angles are in degrees; the format has no unit of length and no axes.
+//! [`read_repaired`] numbers joints of the same name, and takes the frames that are there where another number is declared or the last is cut.
 //!
 //! ```text
 //! HIERARCHY
@@ -17,7 +18,7 @@
 //!
 //! Source: M. Meredith and S. Maddock, *Motion capture file formats explained*, University of Sheffield, CS-01-11, 2001.
 
-use super::{Choices, Format, Place, ReadError, number, text, unexpected};
+use super::{Format, Place, ReadError, Recording, Repairs, decoded, distinct, number, unexpected};
 use crate::recording::{Axis, Convention, RecordingError, Skeleton, SkeletonJoint, SkeletonRecording};
 use nalgebra::{UnitQuaternion, Vector3};
 use std::collections::HashSet;
@@ -142,23 +143,40 @@ impl<'a> Words<'a> {
     }
 }
 
-pub(super) const FORMAT: Format = Format {
+/// This format.
+pub const FORMAT: Format = Format {
     name: "BVH",
     endings: &["bvh"],
     unit: None,
     up: Axis::PlusY,
     forward: Axis::PlusZ,
-    parse: |bytes, Choices { convention, .. }| Ok(read(text(bytes)?, convention)?.into()),
+    knows: |_, text| text.get(..9).is_some_and(|word| word.eq_ignore_ascii_case("HIERARCHY")),
+    parse: |bytes, choices, repairs| {
+        let text = decoded(bytes, repairs)?;
+        Ok(Recording::Skeleton(read_repaired(&text, &choices.convention, repairs)?).into())
+    },
 };
 
 /// The recording in the `text` of a BVH file, the frames of which begin at t = 0.
 pub fn read(text: &str, convention: &Convention) -> Result<SkeletonRecording, ReadError> {
+    read_repaired(text, convention, &mut Repairs::refused())
+}
+
+/// The same with repairs.
+pub fn read_repaired(
+    text: &str,
+    convention: &Convention,
+    repairs: &mut Repairs,
+) -> Result<SkeletonRecording, ReadError> {
     let mut words = Words::new(text);
-    let joints = hierarchy(&mut words)?;
+    let mut joints = hierarchy(&mut words)?;
     let mut seen = HashSet::new();
-    if let Some(twice) = joints.iter().find(|joint| !seen.insert(joint.name.as_str())) {
-        let source = RecordingError::DuplicateName { name: twice.name.clone() };
-        return Err(ReadError::Recording { place: twice.place, source });
+    if let Some(twice) =
+        joints.iter().find(|joint| !seen.insert(joint.name.as_str())).map(|joint| joint.place)
+    {
+        let names = joints.iter_mut().map(|joint| std::mem::take(&mut joint.name)).collect();
+        let names = distinct(names, "joint", twice, repairs)?;
+        joints.iter_mut().zip(names).for_each(|(joint, name)| joint.name = name);
     }
     words.require("Frames:")?;
     let declared_at = words.place();
@@ -180,26 +198,34 @@ pub fn read(text: &str, convention: &Convention) -> Result<SkeletonRecording, Re
     }
     let (mut times, mut rotations, mut places) = (Vec::new(), Vec::new(), Vec::new());
     let mut frames_at = Vec::new();
-    for i in 0..n_frames {
-        if !words.fill() {
-            let found = i as u64;
-            let (place, declared) = (declared_at, n_frames as u64);
-            return Err(ReadError::Misdeclared { place, quantity: "frames", declared, found });
+    while words.fill() {
+        if times.len() == n_frames && repairs.are_refused() {
+            let allowed = format!("the end of the file after {n_frames} frames");
+            return Err(unexpected(words.place(), words.next().unwrap_or_default(), allowed));
         }
-        frames_at.push(words.place());
-        times.push(i as f64 * step);
-        for joint in &joints {
-            let (place, rotation) = pose(joint, &mut words)?;
-            if moves(joint) {
-                places.push(convention.position(&place));
+        let before = (rotations.len(), places.len());
+        let place = words.place();
+        match frame(&joints, convention, &mut words, &mut rotations, &mut places) {
+            Err(error @ ReadError::Truncated { .. }) if !times.is_empty() => {
+                repairs.instead_of(error, "the last frame is incomplete and left out")?;
+                rotations.truncate(before.0);
+                places.truncate(before.1);
+                break;
             }
-            if turns(joint) {
-                rotations.push(convention.rotation(&rotation));
-            }
+            found => found?,
         }
+        frames_at.push(place);
+        times.push(times.len() as f64 * step);
     }
-    if let Some(word) = words.next() {
-        return Err(unexpected(words.place(), word, format!("the end of the file after {n_frames} frames")));
+    let found = times.len();
+    if found != n_frames {
+        let (place, quantity) = (declared_at, "frames");
+        let error =
+            ReadError::Misdeclared { place, quantity, declared: n_frames as u64, found: found as u64 };
+        repairs.instead_of(error, format!("{n_frames} frames are declared, {found} are there"))?;
+    }
+    if found == 0 {
+        return Err(ReadError::NoFrames { place: declared_at });
     }
     let joints = joints.into_iter().map(|joint| SkeletonJoint {
         parent: joint.parent,
@@ -224,6 +250,26 @@ fn turns(joint: &BvhJoint) -> bool {
 
 fn moves(joint: &BvhJoint) -> bool {
     joint.channels.iter().any(|c| matches!(c, Channel::Position(_)))
+}
+
+/// Adds what moves and what turns in the frame that is next.
+fn frame(
+    joints: &[BvhJoint],
+    convention: &Convention,
+    words: &mut Words,
+    rotations: &mut Vec<UnitQuaternion<f64>>,
+    places: &mut Vec<Vector3<f64>>,
+) -> Result<(), ReadError> {
+    for joint in joints {
+        let (place, rotation) = pose(joint, words)?;
+        if moves(joint) {
+            places.push(convention.position(&place));
+        }
+        if turns(joint) {
+            rotations.push(convention.rotation(&rotation));
+        }
+    }
+    Ok(())
 }
 
 /// Place and rotation of a joint in the frame that is next.

@@ -7,7 +7,7 @@
 //! parameters declare different things, the length of the file decides which it was written with; of what it does not
 //! depend on, rates and the factor of integers, the parameters' are used. [`contradictions`] names them.
 //!
-//! Analog channels, force plates and events are skipped. Frame number n is at t = (n − 1)/rate, as the first is numbered,
+//! Analog channels, force plates and events are read by [`channels`], [`force_plates`] and [`events`]. Frame number n is at t = (n − 1)/rate, as the first is numbered,
 //! unless the file has SOMERSAULT:FIRST_TIME, text that [`writers::c3d`](crate::writers::c3d) writes where that would not
 //! be the time of the first frame. Points that have no label are named `point 1`, `point 2`, ….
 //!
@@ -17,12 +17,14 @@
 //! Source: *The C3D file format user guide*, Motion Lab Systems, 2021.
 
 mod contradiction;
+mod extras;
 mod layout;
 mod parameters;
 
-use super::{Choices, Format, Place, ReadError, RecordingFile, unexpected};
+use super::{Choices, Format, Parsed, Place, ReadError, Recording, Repairs, unexpected};
 use crate::recording::{Axis, Convention, LengthUnit, MarkerRecording};
 pub use contradiction::{Contradiction, Decision};
+pub use extras::{Event, ForcePlate, channels, events, force_plates};
 pub(crate) use layout::FIRST_TIME;
 use layout::{Layout, layout};
 use nalgebra::Vector3;
@@ -57,16 +59,23 @@ fn bytes<'a>(file: &'a [u8], from: usize, n: usize, allowed: &str) -> Result<&'a
     })
 }
 
-pub(super) const FORMAT: Format = Format {
+/// This format.
+pub const FORMAT: Format = Format {
     name: "C3D",
     endings: &["c3d"],
     unit: Some(LengthUnit::Millimetre),
     up: Axis::PlusZ,
     forward: Axis::PlusX,
-    parse: |bytes, &Choices { convention, nan_is_gap, .. }| {
-        let contradictions = contradictions(bytes)?;
-        let found: RecordingFile = read(bytes, &C3dOptions { convention, nan_is_gap })?.into();
-        Ok(RecordingFile { contradictions, ..found })
+    knows: |bytes, _| bytes.len() >= BLOCK && bytes[1] == 0x50 && bytes[0] > 0,
+    parse: |bytes, &Choices { convention, given }, repairs| {
+        let options = C3dOptions { convention, nan_is_gap: given.nan_is_gap };
+        if opened(bytes)?.1.n_points == 0
+            && let Some(channels) = channels(bytes)?
+        {
+            repairs.decide(Place::Byte(2), "there are no points, the analog channels are read");
+            return Ok(Recording::Channels(channels).into());
+        }
+        Ok(Parsed::markers(read_repaired(bytes, &options, repairs)?, convention))
     },
 };
 
@@ -86,9 +95,40 @@ fn opened(file: &[u8]) -> Result<(Parameters<'_>, Layout, Vec<Contradiction>), R
     Ok((parameters, layout, contradictions))
 }
 
-/// The recording in the bytes of a C3D `file`.
+/// The points in the bytes of a C3D `file`, of which [`contradictions`] are no errors.
 pub fn read(file: &[u8], options: &C3dOptions) -> Result<MarkerRecording, ReadError> {
-    let (parameters, layout, _) = opened(file)?;
+    points(file, options, &opened(file)?, &mut Repairs::refused())
+}
+
+/// The same with repairs, among which are the [`contradictions`].
+pub fn read_repaired(
+    file: &[u8],
+    options: &C3dOptions,
+    repairs: &mut Repairs,
+) -> Result<MarkerRecording, ReadError> {
+    let opened = opened(file)?;
+    for contradiction in &opened.2 {
+        repairs.make(contradiction.place, contradiction.to_string())?;
+    }
+    points(file, options, &opened, repairs)
+}
+
+fn points(
+    file: &[u8],
+    options: &C3dOptions,
+    (parameters, layout, _): &(Parameters, Layout, Vec<Contradiction>),
+    repairs: &mut Repairs,
+) -> Result<MarkerRecording, ReadError> {
+    if let Some(place) = layout.undeclared_start {
+        let error = unexpected(place, "0", "the number of a block, from 1");
+        repairs.instead_of(error, "no first block of data is declared: it is that behind the parameters")?;
+    }
+    if let Some((place, declared)) = layout.missing {
+        let (quantity, found) = ("frames", layout.n_frames);
+        let error =
+            ReadError::Misdeclared { place, quantity, declared: declared as u64, found: found as u64 };
+        repairs.instead_of(error, format!("{declared} frames are declared, {found} are there"))?;
+    }
     let processor = parameters.processor;
     let unit = match parameters.text("POINT", "UNITS") {
         Some((_, name)) if name.is_empty() => options.convention.unit(),
@@ -99,14 +139,15 @@ pub fn read(file: &[u8], options: &C3dOptions) -> Result<MarkerRecording, ReadEr
         None => options.convention.unit(),
     };
     let convention = options.convention.with_unit(unit);
-    let names = names(&parameters, layout.n_points);
+    let names = names(parameters, layout.n_points);
     let mut points = Vec::with_capacity(layout.n_points * layout.n_frames);
     let width = if layout.scale > 0.0 { 8 } else { 16 };
     for i in 0..layout.n_frames {
         for k in 0..layout.n_points {
             let at = layout.start + i * layout.stride + k * width;
             points.push(
-                point(file, at, &layout, processor, options.nan_is_gap)?.map(|x| convention.position(&x)),
+                point(file, at, layout, processor, options.nan_is_gap, repairs)?
+                    .map(|x| convention.position(&x)),
             );
         }
     }
@@ -123,6 +164,7 @@ fn point(
     layout: &Layout,
     processor: Processor,
     nan_is_gap: bool,
+    repairs: &mut Repairs,
 ) -> Result<Option<Vector3<f64>>, ReadError> {
     let allowed = "a point";
     if layout.scale > 0.0 {
@@ -143,11 +185,18 @@ fn point(
         return Ok(None);
     }
     match (0..3).find(|&k| !x[k].is_finite()) {
-        Some(k) => Err(ReadError::NonFinite {
-            place: Place::Byte(at + 4 * k),
-            quantity: "a coordinate of a point with a residual that is not negative",
-            found: x[k].to_string(),
-        }),
+        Some(k) => {
+            let error = ReadError::NonFinite {
+                place: Place::Byte(at + 4 * k),
+                quantity: "a coordinate of a point with a residual that is not negative",
+                found: x[k].to_string(),
+            };
+            repairs.instead_of(
+                error,
+                "a point at NaN or infinity is taken to be missing, as `nan_is_gap` says of NaN",
+            )?;
+            Ok(None)
+        }
         None => Ok(Some(x)),
     }
 }
@@ -155,14 +204,7 @@ fn point(
 /// A name for each point: labels that are blank or repeat others are replaced by numbers, with primes where a
 /// label looks like one.
 fn names(parameters: &Parameters, n_points: usize) -> Vec<String> {
-    let mut labels = parameters.texts("POINT", "LABELS", n_points);
-    for k in 2.. {
-        let more = parameters.texts("POINT", &format!("LABELS{k}"), n_points - labels.len());
-        if more.is_empty() {
-            break;
-        }
-        labels.extend(more);
-    }
+    let labels = parameters.many_texts("POINT", "LABELS", n_points);
     let mut seen = std::collections::HashSet::new();
     (0..n_points)
         .map(|k| match labels.get(k) {

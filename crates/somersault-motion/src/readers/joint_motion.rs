@@ -19,7 +19,7 @@
 //!
 //! Source: X. B. Peng, P. Abbeel, S. Levine and M. van de Panne, *DeepMimic*, ACM Trans. Graph. 37 (2018), 143.
 
-use super::{Choices, Format, Place, ReadError, shorten, text};
+use super::{Format, Place, ReadError, Recording, decoded, shorten};
 use crate::recording::{Axis, Convention, LengthUnit, Skeleton, SkeletonJoint, SkeletonRecording};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use serde::de::{Deserialize, DeserializeSeed, Deserializer, Error, SeqAccess, Visitor};
@@ -150,13 +150,17 @@ impl Frame {
     }
 }
 
-pub(super) const FORMAT: Format = Format {
+/// This format.
+pub const FORMAT: Format = Format {
     name: "motions of DeepMimic",
     endings: &["json", "txt"],
     unit: Some(LengthUnit::Metre),
     up: Axis::PlusY,
     forward: Axis::PlusX,
-    parse: |bytes, Choices { diver, .. }| Ok(read(text(bytes)?, diver)?.into()),
+    knows: |_, text| text.starts_with('{') && text.contains("\"Frames\""),
+    parse: |bytes, choices, repairs| {
+        Ok(Recording::Skeleton(read(&decoded(bytes, repairs)?, &choices.given.diver)?).into())
+    },
 };
 
 /// The recording in `text`, with the lengths of `diver`.

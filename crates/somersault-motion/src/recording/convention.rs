@@ -2,6 +2,7 @@
 
 use super::RecordingError;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
+use std::fmt;
 
 /// Units of length.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -92,6 +93,19 @@ impl LengthUnit {
     }
 }
 
+impl fmt::Display for Axis {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::PlusX => "x",
+            Self::MinusX => "-x",
+            Self::PlusY => "y",
+            Self::MinusY => "-y",
+            Self::PlusZ => "z",
+            Self::MinusZ => "-z",
+        })
+    }
+}
+
 /// A coordinate axis of a file, or its opposite.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[allow(missing_docs)]
@@ -105,6 +119,15 @@ pub enum Axis {
 }
 
 impl Axis {
+    /// The six.
+    pub(crate) const ALL: [Self; 6] =
+        [Self::PlusX, Self::PlusY, Self::PlusZ, Self::MinusX, Self::MinusY, Self::MinusZ];
+
+    /// The line of an axis of this number, from 0.
+    pub(crate) fn number(self) -> usize {
+        self.direction().iamax()
+    }
+
     fn direction(self) -> Vector3<f64> {
         match self {
             Self::PlusX => Vector3::x(),
@@ -199,6 +222,12 @@ impl Convention {
             column[k] * x[k]
         });
         turned.map(|c| self.unit.from_metres(c))
+    }
+
+    /// The axis of the file that is this one of the world.
+    pub(crate) fn file_axis(&self, world: Axis) -> Axis {
+        let direction = self.permutation.tr_mul(&world.direction());
+        Axis::ALL.into_iter().find(|axis| axis.direction() == direction).unwrap_or(self.up)
     }
 
     /// A rotation between frames with x forward and z up as one between frames of the file: Cᵀ R C.

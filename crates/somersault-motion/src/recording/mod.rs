@@ -1,16 +1,21 @@
 //! Recordings in one convention: metres, seconds, z up.
 //!
 //! A [`MarkerRecording`] has the positions of named markers, with gaps; a [`SkeletonRecording`] has the
-//! rotations of a tree of joints. What a file's numbers mean is a [`Convention`], which the caller gives where
+//! rotations of a tree of joints; a [`KeypointRecording`] has key points in pictures or in space with their weights; a
+//! [`ChannelRecording`] has named numbers of any kind. What a file's numbers mean is a [`Convention`], which the caller gives where
 //! the format does not say.
 
+mod channels;
 mod convention;
+mod keypoints;
 mod markers;
 mod rotations;
 mod skeleton;
 mod spline;
 
+pub use channels::ChannelRecording;
 pub use convention::{Axis, Convention, LengthUnit};
+pub use keypoints::KeypointRecording;
 pub use markers::MarkerRecording;
 pub use rotations::RotationCurve;
 pub use skeleton::{Skeleton, SkeletonJoint, SkeletonRecording};
@@ -94,6 +99,26 @@ pub enum RecordingError {
         /// The axis that points forward.
         forward: Axis,
     },
+    /// Key points have two or three coordinates.
+    #[error("points must have 2 or 3 coordinates, found {found}")]
+    Dimensions {
+        /// Number found.
+        found: usize,
+    },
+    /// A weight is negative or not finite.
+    #[error("`weights` must be finite and at least 0, found {found} in frame {frame}")]
+    Weight {
+        /// Frame, from 0.
+        frame: usize,
+        /// Weight found.
+        found: f64,
+    },
+    /// What was recorded are no positions in space.
+    #[error("a recording of markers or of a skeleton is needed, found {found}")]
+    NoPositions {
+        /// What there is.
+        found: &'static str,
+    },
     /// The joints make no model.
     #[error(transparent)]
     Model(#[from] ModelError),
@@ -105,6 +130,7 @@ impl RecordingError {
         match self {
             Self::NonFinite { frame, .. }
             | Self::TimesNotGrowing { frame, .. }
+            | Self::Weight { frame, .. }
             | Self::NotARotation { frame, .. } => Some(*frame),
             _ => None,
         }

@@ -143,7 +143,7 @@ impl SyntheticSet {
         JudgedSet {
             list: JudgedList { feature_names: Vec::new(), motions },
             recordings: self.markers.clone(),
-            contradictions: Vec::new(),
+            repairs: Vec::new(),
         }
     }
 

@@ -6,6 +6,8 @@
 //! | TRC | [`trc`] | markers | all digits |
 //! | C3D, point data | [`c3d`] | markers | single precision |
 //! | BVH | [`bvh`] | skeletons | rotations as angles, to rounding |
+//! | GLB (glTF) | [`glb`] | skeletons, markers | single precision |
+//! | MOT, STO | [`mot`] | channels | all digits; angles in degrees to rounding |
 //! | motions of DeepMimic (JSON) | [`joint_motion`] | skeletons of that format | to rounding |
 //!
 //! Lengths are written in the unit and the axes of a [`Convention`]; those in m with z up keep all their digits.
@@ -17,7 +19,9 @@
 pub mod bvh;
 pub mod c3d;
 pub mod csv;
+pub mod glb;
 pub mod joint_motion;
+pub mod mot;
 pub mod trc;
 
 use crate::recording::Convention;

@@ -125,6 +125,7 @@ fn motions_of_a_list_have_the_markers_of_the_first_without_gaps() {
     ));
     folder.put("judged.csv", &LIST.replace("sub/b.trc", "c.trc"));
     assert!(matches!(load(&options), Err(JudgedError::Motion { line: 5, source: LoadError::Io { .. } })));
+    folder.put("c.docx", "PK");
     folder.put("judged.csv", &LIST.replace("sub/b.trc", "c.docx"));
     assert!(matches!(load(&options), Err(JudgedError::UnknownFormat { line: 5, .. })));
     assert!(matches!(load_set(folder.path("none"), &options), Err(JudgedError::List(LoadError::Io { .. }))));

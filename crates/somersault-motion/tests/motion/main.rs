@@ -2,6 +2,7 @@
 
 mod allocation;
 mod analysis;
+mod dialects;
 mod files;
 mod fitting;
 mod groups;

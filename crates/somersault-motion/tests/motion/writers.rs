@@ -237,3 +237,89 @@ fn markers_keep_the_time_of_their_first_frame() {
         assert_eq!(readers::trc::read(&trc, &MarkerOptions::default()).unwrap().times(), shifted.times());
     }
 }
+
+/// The document and the numbers of a GLB.
+fn glb(file: &[u8]) -> (serde_json::Value, impl Fn(usize) -> Vec<f32> + use<>) {
+    let word = |at: usize| u32::from_le_bytes(file[at..at + 4].try_into().unwrap()) as usize;
+    assert_eq!((&file[..4], word(4), word(8)), (&b"glTF"[..], 2, file.len()));
+    let n = word(12);
+    assert_eq!((&file[16..20], &file[24 + n..28 + n]), (&b"JSON"[..], &b"BIN\0"[..]));
+    let document: serde_json::Value = serde_json::from_slice(&file[20..20 + n]).unwrap();
+    let (bytes, copy) = (file[28 + n..].to_vec(), document.clone());
+    let numbers = move |accessor: usize| {
+        let accessor = &copy["accessors"][accessor];
+        let view = &copy["bufferViews"][accessor["bufferView"].as_u64().unwrap() as usize];
+        let [start, length] = ["byteOffset", "byteLength"].map(|key| view[key].as_u64().unwrap() as usize);
+        bytes[start..start + length]
+            .chunks_exact(4)
+            .map(|b| f32::from_le_bytes(b.try_into().unwrap()))
+            .collect()
+    };
+    (document, numbers)
+}
+
+#[test]
+fn nodes_of_a_glb_are_where_joints_and_markers_are() {
+    let convention = Convention::y_up_z_forward(LengthUnit::Inch);
+    let recording = readers::bvh::read(BVH, &convention).unwrap();
+    let (document, numbers) = glb(&writers::glb::write_skeleton(&recording).unwrap());
+    let nodes = document["nodes"].as_array().unwrap();
+    let centres = recording.joint_centres().unwrap();
+    // the pose of each node in the second frame, from the root down: children come after their parents
+    let three = |value: &serde_json::Value| {
+        value.as_array().map(|v| Vector3::from_iterator(v.iter().map(|x| x.as_f64().unwrap())))
+    };
+    let four = |x: &[f64]| UnitQuaternion::new_normalize(nalgebra::Quaternion::new(x[3], x[0], x[1], x[2]));
+    let mut poses = vec![(Vector3::zeros(), UnitQuaternion::identity()); nodes.len()];
+    let mut seen = 0;
+    for (k, node) in nodes.iter().enumerate() {
+        let mut place = three(&node["translation"]).unwrap_or_default();
+        let mut turn = UnitQuaternion::identity();
+        if let Some(own) = node["rotation"].as_array() {
+            turn = four(&own.iter().map(|x| x.as_f64().unwrap()).collect::<Vec<_>>());
+        }
+        for channel in document["animations"][0]["channels"].as_array().unwrap() {
+            if channel["target"]["node"] == k {
+                let sampler =
+                    &document["animations"][0]["samplers"][channel["sampler"].as_u64().unwrap() as usize];
+                let all: Vec<f64> = numbers(sampler["output"].as_u64().unwrap() as usize)
+                    .into_iter()
+                    .map(f64::from)
+                    .collect();
+                match channel["target"]["path"].as_str().unwrap() {
+                    "translation" => place = Vector3::from_column_slice(&all[3..6]),
+                    _ => turn = four(&all[4..8]),
+                }
+            }
+        }
+        let parent = (0..k).find(|&p| nodes[p]["children"].as_array().is_some_and(|c| c.contains(&k.into())));
+        if let Some(parent) = parent {
+            let (origin, axes) = poses[parent];
+            (place, turn) = (origin + axes * place, axes * turn);
+        }
+        poses[k] = (place, turn);
+        if let Some(marker) = node["name"].as_str().and_then(|name| centres.marker(name).ok()) {
+            let p = centres.frame(1).unwrap()[marker].unwrap();
+            // forward is z, left x, up y
+            assert!((place - Vector3::new(p.y, p.z, p.x)).norm() < 1e-6, "{node}");
+            seen += 1;
+        }
+    }
+    assert_eq!(seen, centres.n_markers());
+
+    let (document, numbers) = glb(&writers::glb::write_markers(&markers()).unwrap());
+    // the second marker is missing in one frame, in which it has no size
+    assert_eq!(document["animations"][0]["channels"].as_array().unwrap().len(), 4);
+    let times = numbers(4);
+    assert_eq!(times.len(), 7);
+    let bounds = &document["accessors"][4];
+    assert_eq!(
+        (bounds["min"][0].as_f64(), bounds["max"][0].as_f64()),
+        (Some(0.0), Some(f64::from(times[6])))
+    );
+    let far =
+        MarkerRecording::try_new(vec!["a".into()], vec![0.0], vec![Some(Vector3::repeat(1e39))]).unwrap();
+    assert!(matches!(writers::glb::write_markers(&far), Err(WriteError::OutOfRange { frame: 0, .. })));
+    let still = MarkerRecording::try_new(vec!["a".into()], vec![0.0, 1e-60], vec![None; 2]).unwrap();
+    assert!(matches!(writers::glb::write_markers(&still), Err(WriteError::OutOfRange { frame: 1, .. })));
+}

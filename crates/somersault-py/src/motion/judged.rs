@@ -61,7 +61,7 @@ value! {
         synthetic: Vec<bool> = |own| own.set.list.motions.iter().map(|motion| motion.synthetic).collect();
         /// list of MarkerRecording: The motions.
         recordings: Vec<MarkerRecording> =
-            |own| own.set.recordings.iter().cloned().map(|recording| MarkerRecording { recording }).collect();
+            |own| own.set.recordings.iter().cloned().map(MarkerRecording::from).collect();
     }
 }
 
@@ -173,7 +173,7 @@ impl JudgedSet {
         let motions = files.into_iter().enumerate().map(motion).collect();
         let recordings = recordings.iter().map(|recording| recording.get().recording.clone()).collect();
         let list = judged::JudgedList { feature_names, motions };
-        Ok(Self { set: judged::JudgedSet { list, recordings, contradictions: Vec::new() } })
+        Ok(Self { set: judged::JudgedSet { list, recordings, repairs: Vec::new() } })
     }
 
     fn __repr__(&self) -> String {
@@ -244,8 +244,8 @@ pub(crate) fn read_judged(
     let diver = diver.map_or_else(models::Diver::spatial, |diver| diver.get().diver);
     let options = JudgedOptions { convention, nan_is_gap, longest_gap, diver };
     let set = leave_on_signal(py, move |_| judged::load_set(path, &options).map_err(raised))?;
-    for (line, contradiction) in &set.contradictions {
-        warn(py, &format!("line {line} of the list: {contradiction}"))?;
+    for (line, repair) in set.repairs.iter().filter(|(_, repair)| !repair.is_decision) {
+        warn(py, &format!("line {line} of the list: {repair}"))?;
     }
     Ok(JudgedSet { set })
 }

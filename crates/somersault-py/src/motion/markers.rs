@@ -1,6 +1,7 @@
 //! Recordings of markers.
 
 use super::matrix::{count, mask, numbers_array};
+use super::repair::Repair;
 use crate::core::convert::{array, entries, real_numbers, with_shape};
 use crate::core::error::Error;
 use crate::core::value::value;
@@ -39,6 +40,13 @@ use somersault::motion::recording::{self, uniform_times};
 #[pyclass(frozen, module = "somersault.motion")]
 pub(crate) struct MarkerRecording {
     pub(crate) recording: recording::MarkerRecording,
+    pub(crate) repairs: Vec<Repair>,
+}
+
+impl From<recording::MarkerRecording> for MarkerRecording {
+    fn from(recording: recording::MarkerRecording) -> Self {
+        Self { recording, repairs: Vec::new() }
+    }
 }
 
 value! {
@@ -55,6 +63,8 @@ value! {
         n_missing: usize = |own| own.recording.n_missing();
         /// float: From the first to the last frame, s.
         duration: f64 = |own| duration(own.recording.times());
+        /// list of Repair: What was repaired or decided when its file was read. Of what is made of a recording there are none.
+        repairs: Vec<Repair> = |own| own.repairs.clone();
     }
 }
 
@@ -80,7 +90,7 @@ impl MarkerRecording {
         };
         let point = |(x, there): (&[f64], &bool)| there.then(|| Vector3::from_column_slice(x));
         let points = values.chunks_exact(3).zip(&present).map(point).collect();
-        Ok(Self { recording: recording::MarkerRecording::try_new(names, times, points)? })
+        Ok(recording::MarkerRecording::try_new(names, times, points)?.into())
     }
 
     /// ndarray, shape (n_frames, n_markers, 3): Positions, m; NaN where a marker is missing.
@@ -147,7 +157,7 @@ impl MarkerRecording {
     /// >>> recording.select(["toe", "hip"]).names
     /// ('toe', 'hip')
     fn select(&self, names: Vec<String>) -> Result<Self, Error> {
-        Ok(Self { recording: self.recording.select(&names)? })
+        Ok(self.recording.select(&names)?.into())
     }
 
     /// The same motion at other times, by a cubic spline through each marker's unbroken stretches.
@@ -178,7 +188,7 @@ impl MarkerRecording {
     #[pyo3(signature = (times=None, *, n_frames=None))]
     fn resample(&self, times: Option<&Bound<'_, PyAny>>, n_frames: Option<i128>) -> Result<Self, Error> {
         let times = new_times(self.recording.times(), times, n_frames)?;
-        Ok(Self { recording: self.recording.resample(&times)? })
+        Ok(self.recording.resample(&times)?.into())
     }
 
     /// Fills gaps by a cubic spline through all the frames that have the marker.
@@ -204,7 +214,7 @@ impl MarkerRecording {
     /// >>> recording.n_missing, recording.fill_gaps(0.2).n_missing, recording.fill_gaps(0.35).n_missing
     /// (2, 2, 0)
     fn fill_gaps(&self, longest: f64) -> Result<Self, Error> {
-        Ok(Self { recording: self.recording.fill_gaps(longest)? })
+        Ok(self.recording.fill_gaps(longest)?.into())
     }
 
     fn __len__(&self) -> usize {

@@ -1,15 +1,18 @@
 //! Recorded motions.
 
+mod channels;
 mod convention;
 mod faults;
 mod fit;
 mod groups;
 mod judged;
+mod keypoints;
 mod markers;
 mod matrix;
 mod motion_fit;
 mod pca;
 mod readers;
+mod repair;
 mod scoring;
 mod skeleton;
 mod synthetic;
@@ -20,6 +23,8 @@ mod writers;
 #[pyo3::pymodule(name = "motion", module = "somersault._somersault", submodule)]
 pub(crate) mod module {
     #[pymodule_export]
+    use crate::motion::channels::ChannelRecording;
+    #[pymodule_export]
     use crate::motion::faults::{DiveFaults, SyntheticJudge};
     #[pymodule_export]
     use crate::motion::fit::{MarkerFit, MarkerSet};
@@ -28,13 +33,20 @@ pub(crate) mod module {
     #[pymodule_export]
     use crate::motion::judged::{JudgedSet, read_judged};
     #[pymodule_export]
+    use crate::motion::keypoints::KeypointRecording;
+    #[pymodule_export]
     use crate::motion::markers::MarkerRecording;
     #[pymodule_export]
     use crate::motion::motion_fit::MotionFit;
     #[pymodule_export]
     use crate::motion::pca::{Pca, Projection, common_eigenpostures, eigenpostures_per_motion, project};
     #[pymodule_export]
-    use crate::motion::readers::{read_bvh, read_c3d, read_csv, read_file, read_joint_motion, read_trc};
+    use crate::motion::readers::{
+        read_bvh, read_c3d, read_c3d_channels, read_c3d_events, read_c3d_force_plates, read_csv, read_file,
+        read_joint_motion, read_mot, read_pose, read_trc,
+    };
+    #[pymodule_export]
+    use crate::motion::repair::Repair;
     #[pymodule_export]
     use crate::motion::scoring::{Performance, Score, ScoringModel, ScoringOptions};
     #[pymodule_export]
@@ -44,5 +56,7 @@ pub(crate) mod module {
     #[pymodule_export]
     use crate::motion::validation::{Baseline, Correlation, Validation, pearson, spearman, validate};
     #[pymodule_export]
-    use crate::motion::writers::{write_bvh, write_c3d, write_csv, write_joint_motion, write_trc};
+    use crate::motion::writers::{
+        write_bvh, write_c3d, write_csv, write_glb, write_joint_motion, write_mot, write_trc,
+    };
 }

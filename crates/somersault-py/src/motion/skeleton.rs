@@ -2,6 +2,7 @@
 
 use super::markers::{MarkerRecording, duration, new_times};
 use super::matrix::{count, numbers_array};
+use super::repair::Repair;
 use crate::core::convert::{
     array, components, quaternions, real_numbers, vector_array, vector_or, with_shape,
 };
@@ -224,6 +225,13 @@ impl Skeleton {
 #[pyclass(frozen, module = "somersault.motion")]
 pub(crate) struct SkeletonRecording {
     pub(crate) recording: recording::SkeletonRecording,
+    pub(crate) repairs: Vec<Repair>,
+}
+
+impl From<recording::SkeletonRecording> for SkeletonRecording {
+    fn from(recording: recording::SkeletonRecording) -> Self {
+        Self { recording, repairs: Vec::new() }
+    }
 }
 
 value! {
@@ -236,6 +244,8 @@ value! {
         n_frames: usize = |own| own.recording.n_frames();
         /// float: From the first to the last frame, s.
         duration: f64 = |own| duration(own.recording.times());
+        /// list of Repair: What was repaired or decided when its file was read. Of what is made of a recording there are none.
+        repairs: Vec<Repair> = |own| own.repairs.clone();
     }
 }
 
@@ -253,7 +263,7 @@ impl SkeletonRecording {
         let rotations = quaternions("rotations", &[times.len(), skeleton.n_turning()], rotations)?;
         let places = with_shape("places", &[times.len(), skeleton.n_moving(), 3], places)?;
         let places = places.chunks_exact(3).map(Vector3::from_column_slice).collect();
-        Ok(Self { recording: recording::SkeletonRecording::try_new(skeleton, times, rotations, places)? })
+        Ok(recording::SkeletonRecording::try_new(skeleton, times, rotations, places)?.into())
     }
 
     /// ndarray, shape (n_frames, n_turning, 4): Rotations of the joints that turn against their parents, as quaternions
@@ -313,7 +323,7 @@ impl SkeletonRecording {
     /// >>> bent.joint_centres().track("ankle").round(6)
     /// array([[-0.4,  0. ,  0.5]])
     fn joint_centres(&self) -> Result<MarkerRecording, Error> {
-        Ok(MarkerRecording { recording: self.recording.joint_centres()? })
+        Ok(self.recording.joint_centres()?.into())
     }
 
     /// The same motion at other times: places by cubic splines, rotations on their group.
@@ -341,7 +351,7 @@ impl SkeletonRecording {
     #[pyo3(signature = (times=None, *, n_frames=None))]
     fn resample(&self, times: Option<&Bound<'_, PyAny>>, n_frames: Option<i128>) -> Result<Self, Error> {
         let times = new_times(self.recording.times(), times, n_frames)?;
-        Ok(Self { recording: self.recording.resample(&times)? })
+        Ok(self.recording.resample(&times)?.into())
     }
 
     fn __len__(&self) -> usize {

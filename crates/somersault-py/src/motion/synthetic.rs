@@ -360,7 +360,7 @@ value! {
             |own| own.set.faults.iter().map(|faults| DiveFaults { faults: *faults }).collect();
         /// list of MarkerRecording: The markers of each, with noise.
         markers: Vec<MarkerRecording> =
-            |own| own.set.markers.iter().cloned().map(|recording| MarkerRecording { recording }).collect();
+            |own| own.set.markers.iter().cloned().map(MarkerRecording::from).collect();
         /// ndarray, shape (n_dives,): What the judge means to give, without noise.
         intended: Bound<'py, PyAny> = |own, py| numbers_array(py, &own.set.intended);
         /// ndarray, shape (n_dives,): What he gives.

@@ -1,11 +1,14 @@
 //! Recordings as files.
 
+use super::channels::ChannelRecording;
 use super::convention::convention;
 use super::markers::MarkerRecording;
 use super::matrix;
 use super::skeleton::SkeletonRecording;
+use crate::core::convert::a_type;
 use crate::core::error::Error;
 use crate::core::waiting::leave_on_signal;
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use somersault::motion::writers;
@@ -135,6 +138,82 @@ pub(crate) fn write_c3d(
     let convention = convention(unit, up, forward)?;
     let recording = recording.get().recording.clone();
     put(path, &leave_on_signal(path.py(), move |_| writers::c3d::write(&recording, &convention))?)
+}
+
+/// Writes channels as a motion or storage file of OpenSim, the format of `read_mot`, with all digits.
+///
+/// Parameters
+/// ----------
+/// path : path
+/// recording : ChannelRecording
+/// in_degrees : bool, optional
+///     Whether columns that are angles by their names, in rad here, are written in degrees. OpenSim decides by its model which it
+///     converts.
+///
+/// Raises
+/// ------
+/// WriteError
+///     If a name cannot stand in the format.
+///
+/// Examples
+/// --------
+/// >>> import pathlib, tempfile
+/// >>> from somersault import motion
+/// >>> path = pathlib.Path(tempfile.mkdtemp()) / "squat.mot"
+/// >>> motion.write_mot(path, motion.ChannelRecording(["knee_angle_r"], [0.0, 0.1], [[0.0], [0.5]]))
+/// >>> motion.read_file(path)
+/// <ChannelRecording: 1 channels, 2 frames, 0.100 s>
+#[pyfunction]
+#[pyo3(signature = (path, recording, *, in_degrees=true))]
+pub(crate) fn write_mot(
+    path: &Bound<'_, PyAny>,
+    recording: &Bound<'_, ChannelRecording>,
+    in_degrees: bool,
+) -> Result<(), Error> {
+    let name: String = matrix::path("path", path)?.getattr("stem")?.extract()?;
+    let recording = recording.get().recording.clone();
+    let text = leave_on_signal(path.py(), move |_| writers::mot::write(&recording, &name, in_degrees))?;
+    put(path, text.as_bytes())
+}
+
+/// Writes a recording as GLB, the binary form of glTF 2.0, which viewers, engines and browsers play.
+///
+/// A skeleton is a stick figure with a node for each joint, markers are points, which have no size while they are missing. Lengths are
+/// in m; in glTF z is forward, x left and y up. Players begin with the first frame at t = 0.
+///
+/// Parameters
+/// ----------
+/// path : path
+/// recording : SkeletonRecording or MarkerRecording
+///
+/// Raises
+/// ------
+/// WriteError
+///     If a number is beyond single precision.
+///
+/// Examples
+/// --------
+/// >>> import pathlib, tempfile
+/// >>> import numpy as np
+/// >>> from somersault import motion
+/// >>> path = pathlib.Path(tempfile.mkdtemp()) / "walk.glb"
+/// >>> motion.write_glb(path, motion.MarkerRecording(["hip"], [0.0, 0.01], np.ones((2, 1, 3))))
+/// >>> path.read_bytes()[:4]
+/// b'glTF'
+#[pyfunction]
+pub(crate) fn write_glb(path: &Bound<'_, PyAny>, recording: &Bound<'_, PyAny>) -> Result<(), Error> {
+    let bytes = if let Ok(skeleton) = recording.cast::<SkeletonRecording>() {
+        let recording = skeleton.get().recording.clone();
+        leave_on_signal(path.py(), move |_| writers::glb::write_skeleton(&recording))?
+    } else if let Ok(markers) = recording.cast::<MarkerRecording>() {
+        let recording = markers.get().recording.clone();
+        leave_on_signal(path.py(), move |_| writers::glb::write_markers(&recording))?
+    } else {
+        let found = a_type(recording);
+        let message = format!("`recording` must be a SkeletonRecording or a MarkerRecording, found {found}");
+        return Err(PyTypeError::new_err(message).into());
+    };
+    put(path, &bytes)
 }
 
 /// Writes a skeleton and its motion as BVH.

@@ -1,5 +1,7 @@
 //! What a file declares in two places.
 
+use crate::readers::Place;
+
 /// What decides between header and parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Decision {
@@ -12,6 +14,8 @@ pub enum Decision {
 /// Something that the header of a file and its parameters declare differently.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contradiction {
+    /// Where the parameters declare it.
+    pub place: Place,
     /// What is declared.
     pub quantity: &'static str,
     /// By the header.
@@ -26,7 +30,7 @@ pub struct Contradiction {
 
 impl std::fmt::Display for Contradiction {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { quantity, header, parameter, used, decided } = self;
+        let Self { quantity, header, parameter, used, decided, .. } = self;
         let why = match decided {
             Decision::Length => "by the length of the file",
             Decision::Parameters => "since parameters take precedence",

@@ -23,6 +23,19 @@ pub(super) struct Layout {
     pub(super) rate: f64,
     /// Time of the first frame, s.
     pub(super) first_time: f64,
+    /// Analog values of a frame.
+    pub(super) n_analog: usize,
+    /// Where no first block of data is declared, which is that behind the parameters then.
+    pub(super) undeclared_start: Option<Place>,
+    /// Where more frames are declared than there are, and how many.
+    pub(super) missing: Option<(Place, usize)>,
+}
+
+impl Layout {
+    /// Bytes of the points of a frame.
+    pub(super) fn points_width(&self) -> usize {
+        self.n_points * if self.scale > 0.0 { 8 } else { 16 }
+    }
 }
 
 /// The group and the parameter that hold the time of the first frame where its number cannot.
@@ -66,8 +79,8 @@ impl<T: Copy + PartialEq> Declared<T> {
     fn contradiction(&self, used: T, decided: Decision, number: impl Fn(T) -> f64) -> Option<Contradiction> {
         let (parameter, header) = (self.parameter?, self.header?);
         let [parameter, header, used] = [parameter, header, used].map(number);
-        let quantity = self.quantity;
-        (parameter != header).then_some(Contradiction { quantity, parameter, header, used, decided })
+        let (place, quantity) = (self.place, self.quantity);
+        (parameter != header).then_some(Contradiction { place, quantity, parameter, header, used, decided })
     }
 }
 
@@ -86,14 +99,11 @@ pub(super) fn layout(
         header: Some(of_header).filter(allowed),
     };
     let positive = |x: &f64| *x > 0.0 && x.is_finite();
-    let points = declared("points", "USED", 2, header.word(2) as f64, positive);
+    let mut points = declared("points", "USED", 2, header.word(2) as f64, positive);
     let rates = declared("frames a second", "RATE", 11, header.float(11), positive);
     let scales = declared("scale", "SCALE", 7, header.float(7), |x| *x != 0.0 && x.is_finite());
-    let blocks = declared("first block of data", "DATA_START", 9, header.word(9) as f64, positive);
+    let mut blocks = declared("first block of data", "DATA_START", 9, header.word(9) as f64, positive);
     let refuse = |place, found: &str, allowed: &str| Err(unexpected(place, found, allowed));
-    if points.candidates().next().is_none() {
-        return refuse(points.place, "0 points", "at least one point");
-    }
     let Some(rate) = rates.candidates().next() else {
         let found = number("RATE").map_or(header.float(11), |(_, x)| x).to_string();
         return refuse(rates.place, &found, "a positive number of frames a second");
@@ -102,10 +112,18 @@ pub(super) fn layout(
         let found = number("SCALE").map_or(header.float(7), |(_, x)| x).to_string();
         return refuse(scales.place, &found, "a scale other than 0");
     }
-    if blocks.candidates().next().is_none() {
-        return refuse(blocks.place, "0", "the number of a block, from 1");
+    let undeclared_start = blocks.candidates().next().is_none().then_some(blocks.place);
+    if undeclared_start.is_some() {
+        blocks.parameter = Some(parameters.next_block as f64);
     }
     let analog = analog(&header, parameters, rate);
+    if points.candidates().next().is_none() {
+        // a file may have analog channels alone
+        if analog.candidates().all(|n| n == 0) {
+            return refuse(points.place, "0 points", "at least one point or analog channel");
+        }
+        points.parameter = Some(0.0);
+    }
     let frames = frames(&header, parameters);
     if frames.candidates().all(|n| n == 0) {
         return Err(ReadError::NoFrames { place: frames.place });
@@ -129,10 +147,18 @@ pub(super) fn layout(
             }
         }
     }
-    let Some((_, chosen)) = best else {
-        let (place, quantity) = (frames.place, "frames");
-        let (declared, found) = first.map_or((0, 0), |c| (c.n_frames as u64, c.room_for(file.len()) as u64));
-        return Err(ReadError::Misdeclared { place, quantity, declared, found });
+    let (chosen, missing) = match (best, first) {
+        (Some((_, chosen)), _) => (chosen, None),
+        // what is there of a file that was cut
+        (None, Some(chosen)) if chosen.room_for(file.len()) > 0 => {
+            let declared = chosen.n_frames;
+            (Chosen { n_frames: chosen.room_for(file.len()), ..chosen }, Some((frames.place, declared)))
+        }
+        (None, chosen) => {
+            let (place, quantity) = (frames.place, "frames");
+            let declared = chosen.map_or(0, |c| c.n_frames as u64);
+            return Err(ReadError::Misdeclared { place, quantity, declared, found: 0 });
+        }
     };
     let numbers = first_frame(&header, parameters);
     let number = numbers.parameter.or(numbers.header).unwrap_or(1);
@@ -155,7 +181,7 @@ pub(super) fn layout(
         analog.contradiction(chosen.n_analog, Decision::Length, |n| n as f64),
         of_scale,
         blocks.contradiction(chosen.block, Decision::Length, std::convert::identity),
-        frames.contradiction(chosen.n_frames, Decision::Length, |n| n as f64),
+        frames.contradiction(chosen.n_frames, Decision::Length, |n| n as f64).filter(|_| missing.is_none()),
         rates.contradiction(rate, Decision::Parameters, std::convert::identity).filter(differs),
         numbers.contradiction(number, Decision::Parameters, |n| n as f64),
     ];
@@ -167,6 +193,9 @@ pub(super) fn layout(
         scale: chosen.scale,
         rate,
         first_time,
+        n_analog: chosen.n_analog,
+        undeclared_start,
+        missing,
     };
     Ok((layout, contradictions.into_iter().flatten().collect()))
 }
@@ -216,7 +245,11 @@ impl Chosen {
     /// Frames that are there; the last may lack its analog data, but no point.
     fn room_for(&self, length: usize) -> usize {
         let room = length.saturating_sub(self.start());
-        if room < self.points() { 0 } else { (room - self.points()) / self.stride().max(1) + 1 }
+        match self.points() {
+            0 => room / self.stride().max(1),
+            points if room < points => 0,
+            points => (room - points) / self.stride() + 1,
+        }
     }
 
     /// Where the frames end; none where some are missing.

@@ -59,6 +59,8 @@ struct Parameter<'a> {
 /// All parameters by the names of group and parameter, in upper case.
 pub(super) struct Parameters<'a> {
     pub(super) processor: Processor,
+    /// The block behind the section, from 1.
+    pub(super) next_block: usize,
     arrays: HashMap<(String, String), Parameter<'a>>,
 }
 
@@ -109,7 +111,9 @@ impl<'a> Parameters<'a> {
         let named = found
             .into_iter()
             .filter_map(|(group, name, parameter)| Some(((groups.get(&group)?.clone(), name), parameter)));
-        Ok(Self { processor, arrays: named.collect() })
+        let counted = usize::from(head[2]);
+        let n_blocks = if counted > 0 { counted } else { (at - start).div_ceil(BLOCK).max(1) };
+        Ok(Self { processor, next_block: usize::from(first) + n_blocks, arrays: named.collect() })
     }
 
     fn get(&self, group: &str, name: &str) -> Option<&Parameter<'a>> {
@@ -126,6 +130,44 @@ impl<'a> Parameters<'a> {
             _ => return None,
         };
         Some((parameter.place, number))
+    }
+
+    /// All numbers of an array; words count without sign where that is said.
+    pub(super) fn numbers(&self, group: &str, name: &str, is_unsigned: bool) -> Vec<f64> {
+        let Some(parameter) = self.get(group, name) else { return Vec::new() };
+        let word = |w: &[u8]| match is_unsigned {
+            true => f64::from(self.processor.u16([w[0], w[1]])),
+            false => f64::from(self.processor.i16([w[0], w[1]])),
+        };
+        match parameter.kind {
+            1 => parameter.data.iter().map(|&b| f64::from(b)).collect(),
+            2 => parameter.data.chunks_exact(2).map(word).collect(),
+            4 => parameter
+                .data
+                .chunks_exact(4)
+                .map(|w| f64::from(self.processor.f32([w[0], w[1], w[2], w[3]])))
+                .collect(),
+            _ => Vec::new(),
+        }
+    }
+
+    /// The lengths of an array in each direction, the quickest first.
+    pub(super) fn dimensions(&self, group: &str, name: &str) -> Vec<usize> {
+        let found = self.get(group, name).map(|parameter| parameter.dimensions).unwrap_or_default();
+        found.iter().map(|&d| usize::from(d)).collect()
+    }
+
+    /// The strings of an array and of its continuations, NAME2, NAME3, …; at most so many.
+    pub(super) fn many_texts(&self, group: &str, name: &str, at_most: usize) -> Vec<String> {
+        let mut texts = self.texts(group, name, at_most);
+        for k in 2.. {
+            let more = self.texts(group, &format!("{name}{k}"), at_most - texts.len());
+            if more.is_empty() {
+                break;
+            }
+            texts.extend(more);
+        }
+        texts
     }
 
     /// All words of an array.
