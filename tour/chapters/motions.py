@@ -71,17 +71,17 @@ def _reading(page: Page) -> None:
     page.code(
         "from somersault import motion\n\n"
         'gait = motion.read_c3d("gait.c3d")                # markers, with gaps\n'
-        'jump = motion.read_trc("jump.trc")                # OpenSim: y up, unit from the file\n'
+        'jump = motion.read_file("jump.trc")               # the format by what the file has\n'
+        "jump.repairs                                      # what was repaired, and where\n"
         'walk = motion.read_bvh("walk.bvh", unit="cm")     # a skeleton, and how it turned\n'
         "gait = motion.low_pass(gait.fill_gaps(0.1), 6.0)  # gaps of up to 0.1 s, then 6 Hz without lag\n"
         "gait.resample(n_frames=60).points                 # (60, n_markers, 3), m, z up\n"
     )
     page.text(
         "Whatever a file has, a recording is in m and s, with x forward, y left and z up. What the format"
-        " does"
-        " not say, as the unit of length in BVH, the caller must. A gap is a gap, and NaN in a file is an"
-        " error"
-        " unless said to be one. Files that are not what they should be are refused with the line or the"
+        " does not say, as the unit of length in BVH, the caller must. Empty cells and NaN are gaps. What"
+        " programs are known to write wrongly is repaired, listed in the recording's repairs, and warned"
+        " of; with strict=True it is refused, as are files that cannot be repaired, with the line or the"
         " byte:"
     )
     page.table(
@@ -90,7 +90,10 @@ def _reading(page: Page) -> None:
             [words(what), words(_said(read))]
             for what, read in (
                 ("CSV with an infinite number", lambda: motion.read_csv(io.StringIO(_CSV))),
-                ("TRC of one frame that declares nine", lambda: motion.read_trc(io.StringIO(_TRC))),
+                (
+                    "TRC of one frame that declares nine, read with strict=True",
+                    lambda: motion.read_trc(io.StringIO(_TRC), strict=True),
+                ),
                 ("BVH with a channel W", lambda: motion.read_bvh(io.StringIO(_BVH), unit="m")),
                 ("C3D that ends after 100 bytes", lambda: motion.read_c3d(io.BytesIO(bytes(100)))),
             )

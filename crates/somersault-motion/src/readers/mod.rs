@@ -93,7 +93,7 @@ pub enum ReadError {
         allowed: String,
     },
     /// The file declares a number that is not that of what it has.
-    #[error("{place}: {declared} {quantity} are declared, found are {found}")]
+    #[error("{place}: {declared} {quantity} are declared, found {found}")]
     Misdeclared {
         /// Where it is declared.
         place: Place,
