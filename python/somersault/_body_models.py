@@ -183,7 +183,7 @@ def _array(path: Path, file: zipfile.ZipFile, name: str, shape: tuple[int | None
         content = file.read(f"{name}.npy")
         declared, size = _declared(content)
         if size != len(content):
-            raise ReadError(f"{path}: `{name}` declares {size} bytes, found are {len(content)}")
+            raise ReadError(f"{path}: `{name}` declares {size} bytes, found {len(content)}")
         values = np.asarray(np.load(io.BytesIO(content), allow_pickle=False), dtype=np.float64)
     except ReadError:
         raise

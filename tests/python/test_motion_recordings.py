@@ -355,7 +355,7 @@ class TestReaders:
                 strict_trc,
                 TRC.replace("\t2\t2\tmm", "\t3\t2\tmm"),
                 3,
-                "3 frames are declared, found are 2",
+                "3 frames are declared, found 2",
             ),
             (strict_trc, TRC.replace("mm", "furlong"), 3, "found `furlong`, allowed is m, dm"),
             (strict_trc, TRC.replace("10.6", "1e999"), 8, "a coordinate must be finite"),
@@ -380,7 +380,7 @@ class TestReaders:
     @pytest.mark.parametrize(
         ("text", "line", "message"),
         [
-            (BVH.replace("Frames: 2", "Frames: 9"), 12, "9 frames are declared, found are 2"),
+            (BVH.replace("Frames: 2", "Frames: 9"), 12, "9 frames are declared, found 2"),
             (BVH.replace("Zrotation", "Wrotation"), 5, "found `Wrotation`"),
             (BVH.replace("90 0 0\n", "90 NaN 0\n"), 15, "must be finite, found `NaN`"),
             (BVH.replace("Frames: 2", "Frames: 0"), 12, "no frames"),
