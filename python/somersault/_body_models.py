@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
 from somersault._somersault.motion import Skeleton, SkeletonJoint, SkeletonRecording
 from somersault.errors import InputError, ReadError
@@ -115,6 +114,9 @@ def read_amass(source: str | PathLike[str], body: ArrayLike | str | PathLike[str
     for name, values in (("poses", turns), ("trans", trans)):
         if not np.isfinite(values).all():
             raise ReadError(f"{path}: `{name}` must be finite")
+    # Imported where it is used, since the package is imported with little beyond NumPy.
+    from scipy.spatial.transform import Rotation
+
     rotations = Rotation.from_rotvec(turns).as_quat().reshape(len(trans), n, 4)
     joints = [
         SkeletonJoint(name, parent, rest[k] - (0.0 if parent is None else rest[parent]), moves=parent is None)

@@ -3,6 +3,7 @@
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use somersault::integrators::driver::IntegrateError;
 use somersault::integrators::exact::FreeBody;
+use somersault::integrators::partials::Partials;
 use somersault::integrators::state::Configuration;
 use somersault::integrators::stepper::{Scope, Variables};
 use somersault::multibody::models::{CartPendulum, TwoLinkArm};
@@ -404,7 +405,9 @@ fn steps_adapt_and_curves_between_them_are_the_motion() {
     let system = TreeSystem::new(&model, ());
     let start = tumbling(&model);
     let reference = run(&system, Method::Rkmk8, &start, 0.7, 2000);
-    for (method, tolerance) in [(Method::Rkmk3, 1e-6), (Method::Rkmk5, 1e-8), (Method::Rkmk8, 1e-10)] {
+    for (method, tolerance) in
+        [(Method::Rkmk3, 1e-6), (Method::Rkmk5, 1e-8), (Method::Radau5, 1e-7), (Method::Rkmk8, 1e-10)]
+    {
         let control = Adaptive::with_tolerances(tolerance, tolerance);
         let mut recorder = Recorder::new(0.0, &start, 1).with_dense_output();
         let outcome = Run::new(&system, method, Steps::adapted((0.0, 1.0), control))
@@ -415,6 +418,63 @@ fn steps_adapt_and_curves_between_them_are_the_motion() {
         let seen = recorder.into_solution().at(0.7).unwrap();
         let error = distance(&seen, &reference);
         assert!(error < 300.0 * tolerance, "{method}: {error:e}");
+    }
+}
+
+/// A light link on a stiff, damped hinge: explicit steps are at most 2.8 m l²/c = 28 µs, whatever the motion.
+#[test]
+fn stiff_joints_take_steps_of_the_motion() {
+    let hinge = Joint::Revolute { axis: -Vector3::y() };
+    let mut builder = ModelBuilder::new();
+    builder.add(Link::root("upper", hinge, MassProperties::point(1.0, -Vector3::z()))).unwrap();
+    let light = MassProperties::point(1e-4, -Vector3::z() * 0.1);
+    builder.add(Link::child("lower", "upper", hinge, light).at(-Vector3::z()).with_damping(0.1)).unwrap();
+    let model = builder.build().unwrap();
+    let spring =
+        |t: f64, q: &[f64], _: &[f64], torque: &mut [f64]| torque[1] -= 50.0 * (q[1] - (3.0 * t).sin());
+    let system = TreeSystem::new(&model, spring);
+    let start = model.state(&[1.2, 0.0], &[0.0, 0.0]).unwrap();
+    let reference = run(&system, Method::Rkmk8, &start, 1.0, 100_000);
+    let errors =
+        [50, 100].map(|steps| distance(&run(&system, Method::Radau5, &start, 1.0, steps), &reference));
+    assert!(errors[0] < 1e-6 && errors[1] < errors[0] / 12.0, "{errors:?}");
+    let control = Adaptive::with_tolerances(1e-8, 1e-8);
+    let adapted =
+        Run::new(&system, Method::Radau5, Steps::adapted((0.0, 1.0), control)).from(&start).unwrap();
+    assert!(distance(&adapted.state, &reference) < 1e-7 && adapted.steps < 1_000, "{}", adapted.steps);
+}
+
+/// A spring that holds the trunk, and a wrench on the forearm that depends on where it is and how it turns.
+struct Held;
+
+impl TreeForces for Held {
+    fn add_torque(&self, _: f64, q: &[f64], v: &[f64], torque: &mut [f64]) {
+        torque[0] -= 30.0 * q[0] * q[0] + 2.0 * v[1];
+        torque[12] -= 5.0 * q[15].sin() + v[12] * v[12];
+    }
+    fn wrenches(&self) -> Option<&dyn BodyWrenches> {
+        Some(self)
+    }
+}
+
+impl BodyWrenches for Held {
+    fn add_wrenches(&self, _: f64, bodies: &Velocities<'_>, wrenches: &mut [Force<f64>]) {
+        let (pose, motion) = (bodies.positions().pose(3).unwrap(), bodies.velocity(3).unwrap());
+        wrenches[3] += Force::new(motion.linear * -2.0, pose.translation);
+    }
+}
+
+#[test]
+fn partials_of_a_tree_are_differences_of_its_accelerations() {
+    let model = floating_tree(Vector3::new(0.0, 0.0, -9.81));
+    let system = TreeSystem::new(&model, Held);
+    let x = tumbling(&model);
+    let (mut found, mut expected, mut w) = (Partials::new(&x), Partials::new(&x), system.workspace());
+    system.partials(&mut w, 0.0, &x, &mut found);
+    expected.by_differences(&x, |x, out| system.acceleration(&mut w, 0.0, x, out));
+    for of in [Partials::by_displacement, Partials::by_rate] {
+        let off = (of(&found) - of(&expected)).amax() / of(&expected).amax();
+        assert!(off < 1e-6, "{off:e}");
     }
 }
 

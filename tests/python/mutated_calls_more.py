@@ -98,6 +98,7 @@ knees = contact.LinkPair(
 feet = contact.TreeContacts(leg.model, [foot, knees])
 feet.forces(leg.q, leg.v, np.zeros((2, 3)))
 feet.energies(leg.q, leg.v, "loaded")
+feet.stiffest_rate(leg.q, leg.v, np.zeros((2, 3)))
 feet.equilibrium((0.0, 0.649, 0.0, 0.0, 0.0), np.zeros(5))
 feet.equilibrium((0.0, 0.649, 0.0, 0.0, 0.0), lambda t, q, v: np.zeros(5))
 contact.shape_contacts(

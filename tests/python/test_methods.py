@@ -81,6 +81,10 @@ def test_the_table_says_for_what_its_orders_hold() -> None:
     assert "2 (1); 1" in line
 
 
+def test_the_table_says_which_methods_take_stiff_systems() -> None:
+    assert [row.name for row in methods() if row.l_stable] == ["radau5"]
+
+
 def test_a_step_beyond_the_limit_names_the_angle_allowed() -> None:
     # Of a ball, whose step every method can solve.
     body, start = somersault.RigidBody.sphere(1.0, 1.0), somersault.State(angular_velocity=(1.0, 2.0, 3.0))

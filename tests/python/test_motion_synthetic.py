@@ -172,7 +172,7 @@ class TestJudgedSets:
             ("motion,score\n../a.csv,1\n", 2, "a file below the folder"),
             ("motion,score\na.csv,1\nb.csv,2\n", 3, "line 3 of the list: .*nothing is named `hip`"),
             ("motion,score\na.csv,1\nabsent.csv,2\n", 3, "line 3 of the list: .*cannot be read"),
-            ("motion,score\na.mov,1\n", 2, "must end in"),
+            ("motion,score\na.mov,1\n", 2, "cannot be read"),
         ):
             path.write_text(text)
             with pytest.raises(errors.ReadError, match=message) as caught:

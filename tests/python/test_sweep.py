@@ -104,8 +104,11 @@ def cluster() -> Iterator[Any]:
 @pytest.fixture
 def doomed_cluster() -> Iterator[Any]:
     """One whose processes may be killed, where a task is not tried again: Dask starts no others after some dozens of deaths."""
-    dask = pytest.importorskip("dask", reason="Dask is not installed (extra `dask`)")
-    with dask.config.set({"distributed.scheduler.allowed-failures": 0}), local_cluster() as found:
+    distributed = pytest.importorskip("distributed", reason="Dask is not installed (extra `dask`)")
+    with (
+        distributed.config.set({"distributed.scheduler.allowed-failures": 0}),
+        local_cluster() as found,
+    ):
         yield found
 
 

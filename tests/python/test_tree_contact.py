@@ -110,6 +110,49 @@ def test_fixed_steps_of_order_4_and_8_agree() -> None:
     assert ends[1] == pytest.approx(hop().q[-1], abs=1e-9)
 
 
+def test_light_feet_take_steps_of_the_motion() -> None:
+    sliding: dict[str, Any] = {"joint": "prismatic"}
+    foot = {"parent": "body", "axis": (0, 0, -1), "mass": 1e-3, "origin": (0, 0, -0.5), "damping": 100.0}
+    links = [
+        multibody.Link("body", axis=(0, 0, 1), mass=60.0, **sliding),
+        multibody.Link("foot", **foot, **sliding),
+    ]
+    model = multibody.Model(links)
+    law = contact.CompliantLaw(1e5, 60.0)
+    sole = contact.LinkContact("sole", "foot", contact.Contact((0, 0, 0), FLOOR, law))
+    pressed = ([0.499, 0.0], [0.0, 0.0])
+    feet = contact.TreeContacts(model, sole)
+    # c/m of a foot that moves alone, and nothing in the air
+    assert feet.stiffest_rate(*pressed) == pytest.approx(60.0 / 1e-3, rel=1e-9)
+    assert feet.stiffest_rate([0.501, 0.0], [0.0, 0.0]) == 0.0
+    with pytest.raises(errors.InputError, match="`v` must be real numbers of shape"):
+        feet.stiffest_rate([0.499, 0.0], [0.0])
+
+    def jump(**steps: Any) -> multibody.TreeSolution:
+        return multibody.integrate_tree(
+            model,
+            [0.55, 0.0],
+            [0.3, 0.0],
+            (0.0, 0.4),
+            method="radau5",
+            torque=lambda t, q, v: [0.0, -2e4 * q[1]],
+            contacts=sole,
+            dense_output=True,
+            **steps,
+        )
+
+    adapted, fixed = jump(rtol=1e-8, atol=1e-8), jump(dt=4e-3)
+    assert [event.kind for event in adapted.events] == ["touch_down", "release"]
+    assert adapted.n_steps < 600 and 0 < fixed.n_substeps < 40 < fixed.n_steps < 150
+    np.testing.assert_allclose(adapted.q[-1], fixed.q[-1], atol=1e-7)
+    np.testing.assert_allclose([e.t for e in adapted.events], [e.t for e in fixed.events], atol=1e-8)
+    # between steps: the polynomial of the step, which meets its ends
+    middle = 0.5 * (fixed.t[1:] + fixed.t[:-1])
+    curves = [motion.sol for motion in (adapted, fixed)]
+    assert curves[0] is not None and curves[1] is not None
+    assert np.abs(curves[0](middle)[0] - curves[1](middle)[0]).max() < 1e-5
+
+
 def test_a_tree_of_one_body_is_that_body() -> None:
     box = somersault.RigidBody.box(1.0, (0.2, 0.3, 0.1))
     corners = [(x, y, -0.05) for x in (-0.1, 0.1) for y in (-0.15, 0.15)]

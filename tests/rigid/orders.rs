@@ -221,7 +221,9 @@ fn adaptive_errors_shrink_with_the_tolerance_over_four_decades() {
                 })
                 .collect();
             let found = slope(&points);
-            assert!((0.8..1.3).contains(&found), "{method} on {}: {found} {points:?}", problem.name);
+            // The estimate of `radau5` is of order 3, so that its error falls by the power 5/4 of the tolerance.
+            let most = if method == Method::Radau5 { 1.4 } else { 1.3 };
+            assert!((0.8..most).contains(&found), "{method} on {}: {found} {points:?}", problem.name);
             let worst = points.iter().map(|(tolerance, e)| e / tolerance).fold(0.0, f64::max);
             assert!(worst < 500.0, "{method} on {}: {worst} {points:?}", problem.name);
         }
@@ -333,8 +335,8 @@ fn several_bodies_move_as_each_alone() {
                 let system = RigidBodySystem::free(boxes[i]);
                 Run::new(&system, method, grid).from(&starts[i]).unwrap().state
             };
-            if method == Method::Imid {
-                // Its iteration ends for all bodies at once, a rounding or so later than for one.
+            if matches!(method, Method::Imid | Method::Radau5) {
+                // Their iterations end for all bodies at once, a rounding or so later than for one.
                 assert!((alone.angular_velocity() - together[i].angular_velocity()).norm() < 1e-13);
             } else {
                 assert_eq!(alone, together[i], "{method}, body {i}");

@@ -114,7 +114,10 @@ fn stability_regions_of_all_methods() {
     for m in Method::ALL {
         let name = m.info().name;
         let region = region(name);
-        assert!(region.area > 0.1 && region.area.is_finite(), "{name}: {}", region.area);
+        assert!(region.area > 0.1 && region.area.is_finite() != m.info().l_stable, "{name}: {}", region.area);
+        if m.info().l_stable {
+            continue;
+        }
         assert_eq!(region.corrected, region.area / f64::from(m.info().evaluations).powi(2), "{name}");
         assert!(region.boundary.len() > 500, "{name}");
         // The translation does not depend on the variables of the rotation.

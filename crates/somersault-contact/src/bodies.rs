@@ -15,6 +15,7 @@ use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::IntegrateError;
 use somersault_integrators::events::{Energy, Guard, Hybrid, HybridBodies, Sweep};
 use somersault_integrators::force::{ForceModel, Wrench};
+use somersault_integrators::partials::Partials;
 use somersault_integrators::state::{Pose, RigidBodyState, State, Twist};
 use somersault_integrators::system::{
     BodyPoses, BodyRate, CountMismatch, Fault, Interaction, RigidBodiesSystem, RigidForms, RigidSystem,
@@ -385,6 +386,9 @@ impl<F: ForceModel> System for BodiesInContact<F> {
     }
     fn acceleration(&self, w: &mut Vec<Twist>, t: f64, x: &State<Vec<Pose>>, out: &mut Vec<Twist>) {
         self.0.acceleration(w, t, x, out);
+    }
+    fn partials(&self, w: &mut Vec<Twist>, t: f64, x: &State<Vec<Pose>>, out: &mut Partials<Vec<Pose>>) {
+        self.0.partials(w, t, x, out);
     }
     fn take_fault(&self) -> Option<Fault> {
         self.0.take_fault()

@@ -18,6 +18,7 @@ use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::IntegrateError;
 use somersault_integrators::events::{Energy, Guard, Hybrid, HybridBodies, Sweep};
 use somersault_integrators::force::{ForceModel, Wrench};
+use somersault_integrators::partials::Partials;
 use somersault_integrators::state::{InBody, Pose, RigidBodyState, State, Twist};
 use somersault_integrators::system::{
     Decoder, Fault, FromBody, RigidBodySystem, RigidForms, RigidSystem, System, euler,
@@ -413,6 +414,9 @@ impl<F: ForceModel> System for BodyInContact<F> {
     #[inline(always)]
     fn acceleration(&self, w: &mut (), t: f64, x: &RigidBodyState, out: &mut Twist) {
         self.0.acceleration(w, t, x, out);
+    }
+    fn partials(&self, w: &mut (), t: f64, x: &RigidBodyState, out: &mut Partials<Pose>) {
+        self.0.partials(w, t, x, out);
     }
     fn take_fault(&self) -> Option<Fault> {
         self.0.take_fault()

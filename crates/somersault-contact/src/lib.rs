@@ -29,7 +29,8 @@
 //! - A link of a tree that nothing drives is proved clear by the energy; near a surface, and under torques, by estimates along
 //!   the chain of joints ([`tree`]).
 //! - A contact that is closed, and friction, is decided by the cubic through the ends of a step, which is good where steps
-//!   resolve the contact; fixed steps are divided until they do.
+//!   resolve the contact; fixed steps are divided until they do, but for those of an L-stable method, which passes over what dies
+//!   away in them.
 //! - Surfaces are examined where they are touched first: [`SurfaceFault`](surface::SurfaceFault).
 //! - A law whose force and rate of force are continuous at release, and whose gap rate is continuous at
 //!   touch-down, as (7.10), cannot slide along the border of a mode.
@@ -57,6 +58,8 @@ pub mod encounters;
 mod error;
 pub mod event;
 pub mod laws;
+mod linearization;
+pub mod linearized;
 mod load;
 pub mod models;
 pub mod sensitivity;

@@ -23,6 +23,7 @@ use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::IntegrateError;
 use somersault_integrators::events::{Energy, Guard, Hybrid, HybridBodies, Sweep};
 use somersault_integrators::force::Wrench;
+use somersault_integrators::partials::Partials;
 use somersault_integrators::state::{Poses, State};
 use somersault_integrators::system::{
     Fault, RateOf, RigidForms, RigidSystem, StateOf, System, world_acceleration,
@@ -280,6 +281,17 @@ impl<S: Touching> Hybrid for WithStretches<S> {
             let acceleration = world_acceleration(self.0.body(i), &state, &wrench);
             Augmented::<S::Configuration>::set_twist(out, i, acceleration);
         }
+    }
+
+    fn partials_in(
+        &self,
+        mode: &Vec<ContactMode>,
+        w: &mut (),
+        t: f64,
+        x: &StateOf<Self>,
+        out: &mut Partials<Self::Configuration>,
+    ) {
+        out.by_differences(x, |x, acceleration| self.acceleration_in(mode, w, t, x, acceleration));
     }
 
     /// Contacts begin and end without stretch.

@@ -52,6 +52,19 @@ impl<V> Storage for AugmentedRate<V> {
 }
 
 impl<V: Rate> Rate for AugmentedRate<V> {
+    fn dimension(&self) -> usize {
+        self.base.dimension() + 3 * self.variables.len()
+    }
+    fn write(&self, out: &mut [f64]) {
+        let (base, variables) = out.split_at_mut(self.base.dimension());
+        self.base.write(base);
+        variables.chunks_exact_mut(3).zip(&self.variables).for_each(|(x, s)| x.copy_from_slice(s.as_slice()));
+    }
+    fn read(&mut self, numbers: &[f64]) {
+        let (base, variables) = numbers.split_at(self.base.dimension());
+        self.base.read(base);
+        variables.chunks_exact(3).zip(&mut self.variables).for_each(|(x, s)| s.copy_from_slice(x));
+    }
     #[inline]
     fn assign(&mut self, other: &Self) {
         self.base.assign(&other.base);

@@ -2,6 +2,7 @@
 
 use crate::body::RigidBody;
 use crate::force::{ForceModel, Reach, Wrench, WrenchBound};
+use crate::partials::Partials;
 use crate::state::{RigidBodyState, State, Twist};
 use crate::system::{BodyPoses, BodyRate, Fault, RateOf, RigidForms, RigidSystem, StateOf, System};
 use crate::variation::Tangent;
@@ -54,6 +55,9 @@ impl<S: RigidSystem> System for Counted<&S> {
     fn acceleration(&self, w: &mut S::Workspace, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
         self.count();
         self.inner.acceleration(w, t, x, out);
+    }
+    fn partials(&self, w: &mut S::Workspace, t: f64, x: &StateOf<S>, out: &mut Partials<S::Configuration>) {
+        out.by_differences(x, |x, acceleration| self.acceleration(w, t, x, acceleration));
     }
     fn take_fault(&self) -> Option<Fault> {
         self.inner.take_fault()

@@ -272,10 +272,14 @@ pub(crate) fn run_adaptive<Q: Configuration>(
     let mut t = start;
     while t < end {
         let (h, t_after) = control.propose(t, end)?;
-        let error = engine.attempt(t, h, from, to, &settings.tolerances)?;
-        if !control.accepts(t, h, error)? {
-            engine.reject();
-            continue;
+        let (error, unsolved) = judge(engine.attempt(t, h, from, to, &settings.tolerances))?;
+        match control.accepts(t, h, error) {
+            Ok(true) => {}
+            Ok(false) => {
+                engine.reject();
+                continue;
+            }
+            Err(limit) => return Err(unsolved.unwrap_or(limit)),
         }
         if let Some(room) = show.room() {
             engine.read(to, room);
@@ -290,6 +294,18 @@ pub(crate) fn run_adaptive<Q: Configuration>(
     let status = if t < end { Status::Stopped } else { Status::Finished };
     let (steps, rejected) = (control.accepted(), control.rejected());
     Ok(Outcome { t, state: show.end(engine, from), status, steps, rejected })
+}
+
+/// The error of an attempted step for the control of its size: NaN, so that it is too large, where the equation of the step
+/// was not solved, with the reason.
+pub(crate) fn judge(
+    attempt: Result<f64, IntegrateError>,
+) -> Result<(f64, Option<IntegrateError>), IntegrateError> {
+    match attempt {
+        Ok(error) => Ok((error, None)),
+        Err(reason) if reason.is_of_the_step() => Ok((f64::NAN, Some(reason))),
+        Err(reason) => Err(reason),
+    }
 }
 
 /// Shows the steps of an engine to an observer.

@@ -87,3 +87,10 @@ pub enum IntegrateError {
         t: f64,
     },
 }
+
+impl IntegrateError {
+    /// Whether a shorter step may help: the equation of an implicit one was not solved.
+    pub(crate) fn is_of_the_step(&self) -> bool {
+        matches!(self, Self::Step(StepError::NotConverged { .. }))
+    }
+}

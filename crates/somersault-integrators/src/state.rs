@@ -59,6 +59,16 @@ impl ErrorSum {
 
 /// An element of ℝᵐ ⊕ so(3)ᵏ: a velocity, an acceleration, or a displacement in the Lie algebra.
 pub trait Rate: Clone + std::fmt::Debug + Storage + Send + Sync + 'static {
+    /// How many numbers it has, without those of tangents that it carries.
+    fn dimension(&self) -> usize;
+    /// How many tangents it carries, of as many numbers each.
+    fn tangents(&self) -> usize {
+        0
+    }
+    /// out ← its numbers, then those of each tangent; lengths must fit.
+    fn write(&self, out: &mut [f64]);
+    /// self ← numbers as [`write`](Self::write) gives them.
+    fn read(&mut self, numbers: &[f64]);
     /// self ← other.
     fn assign(&mut self, other: &Self);
     /// self ← 0.
@@ -259,6 +269,20 @@ impl Storage for Twist {
 
 impl Rate for Twist {
     #[inline(always)]
+    fn dimension(&self) -> usize {
+        6
+    }
+    #[inline(always)]
+    fn write(&self, out: &mut [f64]) {
+        out[..3].copy_from_slice(self.linear.as_slice());
+        out[3..].copy_from_slice(self.angular.as_slice());
+    }
+    #[inline(always)]
+    fn read(&mut self, numbers: &[f64]) {
+        self.linear.copy_from_slice(&numbers[..3]);
+        self.angular.copy_from_slice(&numbers[3..]);
+    }
+    #[inline(always)]
     fn assign(&mut self, other: &Self) {
         *self = *other;
     }
@@ -360,6 +384,18 @@ impl Storage for InBody<Twist> {
 
 impl Rate for InBody<Twist> {
     #[inline(always)]
+    fn dimension(&self) -> usize {
+        self.0.dimension()
+    }
+    #[inline(always)]
+    fn write(&self, out: &mut [f64]) {
+        self.0.write(out);
+    }
+    #[inline(always)]
+    fn read(&mut self, numbers: &[f64]) {
+        self.0.read(numbers);
+    }
+    #[inline(always)]
     fn assign(&mut self, other: &Self) {
         *self = *other;
     }
@@ -448,6 +484,23 @@ impl<T: Storage> Storage for Vec<T> {
 }
 
 impl<V: Rate> Rate for Vec<V> {
+    fn dimension(&self) -> usize {
+        self.iter().map(V::dimension).sum()
+    }
+    fn write(&self, mut out: &mut [f64]) {
+        for part in self {
+            let (own, rest) = out.split_at_mut(part.dimension());
+            part.write(own);
+            out = rest;
+        }
+    }
+    fn read(&mut self, mut numbers: &[f64]) {
+        for part in self {
+            let (own, rest) = numbers.split_at(part.dimension());
+            part.read(own);
+            numbers = rest;
+        }
+    }
     fn assign(&mut self, other: &Self) {
         self.iter_mut().zip(other).for_each(|(a, b)| a.assign(b));
     }

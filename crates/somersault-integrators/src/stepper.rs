@@ -103,6 +103,9 @@ pub struct MethodInfo {
     pub embedded: Option<u8>,
     /// Whether each step solves an equation.
     pub implicit: bool,
+    /// Whether it is L-stable: steps may be far longer than the times of the springs and dampers of a system, whose motion it
+    /// then damps.
+    pub l_stable: bool,
     /// What it conserves, and how well.
     pub conserves: &'static str,
     /// What it is unsuitable for, and what it refuses.
@@ -131,6 +134,7 @@ impl MethodInfo {
             variables: Variables::World,
             embedded: None,
             implicit: false,
+            l_stable: false,
             conserves: "nothing exactly",
             limitations: "unsuitable for very long runs in which energy must not drift",
         }

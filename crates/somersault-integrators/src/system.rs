@@ -16,6 +16,7 @@
 use crate::body::{RigidBody, angular_momentum};
 pub use crate::fault::Fault;
 use crate::force::ForceModel;
+use crate::partials::Partials;
 use crate::state::{Configuration, Pose, Poses, Rate, RigidBodyState, State, Twist};
 use nalgebra::Vector3;
 use std::sync::Arc;
@@ -54,6 +55,17 @@ pub trait System {
     }
     /// Time derivative of the rate.
     fn acceleration(&self, w: &mut Self::Workspace, t: f64, x: &StateOf<Self>, out: &mut RateOf<Self>);
+    /// The derivatives of the acceleration in a state, for the iterations of implicit methods, which converge the faster the
+    /// closer they are; by differences unless the system says otherwise.
+    fn partials(
+        &self,
+        w: &mut Self::Workspace,
+        t: f64,
+        x: &StateOf<Self>,
+        out: &mut Partials<Self::Configuration>,
+    ) {
+        out.by_differences(x, |x, acceleration| self.acceleration(w, t, x, acceleration));
+    }
     /// Takes the reason why values since it was taken last are NaN, where the system keeps one: a run puts it in the place
     /// of the error that the NaN led to.
     fn take_fault(&self) -> Option<Fault> {
@@ -77,6 +89,9 @@ impl<S: System + ?Sized> System for &S {
     #[inline(always)]
     fn acceleration(&self, w: &mut S::Workspace, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
         (**self).acceleration(w, t, x, out);
+    }
+    fn partials(&self, w: &mut S::Workspace, t: f64, x: &StateOf<S>, out: &mut Partials<S::Configuration>) {
+        (**self).partials(w, t, x, out);
     }
     fn take_fault(&self) -> Option<Fault> {
         (**self).take_fault()

@@ -119,6 +119,22 @@ impl<T, V> Storage for Varied<T, V> {
 }
 
 impl<T: Rate, V: Rate> Rate for Varied<T, V> {
+    fn dimension(&self) -> usize {
+        self.base.dimension()
+    }
+    fn tangents(&self) -> usize {
+        self.columns.len()
+    }
+    fn write(&self, out: &mut [f64]) {
+        let (base, columns) = out.split_at_mut(self.base.dimension());
+        self.base.write(base);
+        self.columns.write(columns);
+    }
+    fn read(&mut self, numbers: &[f64]) {
+        let (base, columns) = numbers.split_at(self.base.dimension());
+        self.base.read(base);
+        self.columns.read(columns);
+    }
     fn assign(&mut self, other: &Self) {
         self.base.assign(&other.base);
         self.columns.assign(&other.columns);

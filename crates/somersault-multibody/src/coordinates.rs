@@ -189,6 +189,15 @@ impl Storage for Rates {
 }
 
 impl Rate for Rates {
+    fn dimension(&self) -> usize {
+        self.numbers.len()
+    }
+    fn write(&self, out: &mut [f64]) {
+        out.copy_from_slice(&self.numbers);
+    }
+    fn read(&mut self, numbers: &[f64]) {
+        self.numbers.copy_from_slice(numbers);
+    }
     fn assign(&mut self, other: &Self) {
         assign(&mut self.numbers, &other.numbers);
     }

@@ -1,7 +1,6 @@
 //! A body in contact, differentiated.
 
-use super::contact::Linearization;
-use super::differentiable::{At, Collected, Differentiable};
+use super::differentiable::{Collected, Differentiable};
 use super::forms::VariedForms;
 use super::outcome::{Sensitivities, SensitivityError};
 use super::parameter::Parameter;
@@ -9,6 +8,8 @@ use crate::contacts::BodyInContact;
 use crate::encounters;
 use crate::event::EventKind;
 use crate::laws::{ContactMode, Encounter};
+use crate::linearization::Linearization;
+use crate::linearized::{At, Linearized};
 use crate::stretches::WithStretches;
 use crate::surface::SurfaceFault;
 use nalgebra::{Dyn, OMatrix, SMatrix, SVector, U12, Vector3};
@@ -57,31 +58,12 @@ fn without_stretches(run: Located<Augmented<Pose>, EventKind>) -> Located<Pose, 
     }
 }
 
-impl<F: ForceModel> Differentiable for BodyInContact<F> {
+impl<F: ForceModel> Linearized for BodyInContact<F> {
     type Moved = Pose;
-    type Forms = VariedForms;
-    type Workspace = BodyRoom;
-    type Sensitivities = Sensitivities;
+    type Room = BodyRoom;
 
     fn room(&self) -> BodyRoom {
         BodyRoom::default()
-    }
-
-    fn tangents(&self, _: &RigidBodyState) -> Vec<Tangent<Twist>> {
-        (0..12).map(Tangent::unit).collect()
-    }
-
-    fn refuse(&self, parameter: &Parameter) -> Option<SensitivityError> {
-        match parameter {
-            Parameter::JointForce(_) => {
-                Some(SensitivityError::NotOf { found: format!("{parameter:?}"), of: "a body" })
-            }
-            Parameter::Normal(..)
-            | Parameter::Friction(..)
-            | Parameter::Mass
-            | Parameter::InertiaScale
-            | Parameter::Force(_) => None,
-        }
     }
 
     fn linearize(
@@ -109,29 +91,10 @@ impl<F: ForceModel> Differentiable for BodyInContact<F> {
     }
 
     #[inline]
-    fn vary(
-        &self,
-        w: &mut BodyRoom,
-        t: f64,
-        x: At<'_, Self>,
-        (displacement, rate): (&Twist, &Twist),
-        parameter: Option<&Parameter>,
-    ) {
-        let (base, body, smooth) = (state::<F>(x), &self.body, &self.forces.0);
+    fn vary(&self, w: &mut BodyRoom, t: f64, x: At<'_, Self>, (displacement, rate): (&Twist, &Twist)) {
         w.tangent = Tangent { displacement: *displacement, rate: *rate };
-        let mut sum = smooth.wrench_variation(t, body, &base, &w.tangent);
-        match parameter {
-            Some(Parameter::Mass) => sum = sum + smooth.mass_derivative(t, body, &base),
-            Some(Parameter::Force(derivative)) => sum = sum + derivative(t, body, &base),
-            Some(
-                Parameter::Normal(..)
-                | Parameter::Friction(..)
-                | Parameter::InertiaScale
-                | Parameter::JointForce(_),
-            )
-            | None => {}
-        }
-        w.change = Twist { linear: sum.force, angular: sum.torque };
+        let change = self.forces.0.wrench_variation(t, &self.body, &state::<F>(x), &w.tangent);
+        w.change = Twist { linear: change.force, angular: change.torque };
     }
 
     #[inline]
@@ -160,31 +123,64 @@ impl<F: ForceModel> Differentiable for BodyInContact<F> {
     }
 
     #[inline]
-    fn acceleration_change(
-        &self,
-        w: &mut BodyRoom,
-        _: At<'_, Self>,
-        parameter: Option<&Parameter>,
-        out: &mut Twist,
-    ) {
-        let Some(derivative) = &w.derivative else { return };
-        *out = derivative.along(&w.tangent, &w.change);
-        match parameter {
-            Some(Parameter::Mass) => out.linear -= w.acceleration.linear / self.body.mass(),
-            Some(Parameter::InertiaScale) => out.angular -= derivative.by_wrench(&w.wrench).angular,
-            Some(
-                Parameter::Normal(..)
-                | Parameter::Friction(..)
-                | Parameter::Force(_)
-                | Parameter::JointForce(_),
-            )
-            | None => {}
+    fn acceleration_change(&self, w: &mut BodyRoom, _: At<'_, Self>, out: &mut Twist) {
+        if let Some(derivative) = &w.derivative {
+            *out = derivative.along(&w.tangent, &w.change);
         }
     }
 
     fn response(&self, w: &mut BodyRoom, contact: usize, _: At<'_, Self>, effort: &Wrench, out: &mut Twist) {
         let (Some(derivative), Some(Some(of))) = (&w.derivative, w.contacts.get(contact)) else { return };
         *out = derivative.by_wrench(&of.wrench(effort));
+    }
+}
+
+impl<F: ForceModel> Differentiable for BodyInContact<F> {
+    type Forms = VariedForms;
+    type Sensitivities = Sensitivities;
+
+    fn tangents(&self, _: &RigidBodyState) -> Vec<Tangent<Twist>> {
+        (0..12).map(Tangent::unit).collect()
+    }
+
+    fn refuse(&self, parameter: &Parameter) -> Option<SensitivityError> {
+        match parameter {
+            Parameter::JointForce(_) => {
+                Some(SensitivityError::NotOf { found: format!("{parameter:?}"), of: "a body" })
+            }
+            Parameter::Normal(..)
+            | Parameter::Friction(..)
+            | Parameter::Mass
+            | Parameter::InertiaScale
+            | Parameter::Force(_) => None,
+        }
+    }
+
+    #[inline]
+    fn vary_by(&self, w: &mut BodyRoom, t: f64, x: At<'_, Self>, parameter: &Parameter) {
+        let (base, body) = (state::<F>(x), &self.body);
+        let change = match parameter {
+            Parameter::Mass => self.forces.0.mass_derivative(t, body, &base),
+            Parameter::Force(derivative) => derivative(t, body, &base),
+            Parameter::Normal(..)
+            | Parameter::Friction(..)
+            | Parameter::InertiaScale
+            | Parameter::JointForce(_) => return,
+        };
+        w.change.axpy(1.0, &Twist { linear: change.force, angular: change.torque });
+    }
+
+    #[inline]
+    fn add_change_by(&self, w: &mut BodyRoom, parameter: &Parameter, out: &mut Twist) {
+        let Some(derivative) = &w.derivative else { return };
+        match parameter {
+            Parameter::Mass => out.linear -= w.acceleration.linear / self.body.mass(),
+            Parameter::InertiaScale => out.angular -= derivative.by_wrench(&w.wrench).angular,
+            Parameter::Normal(..)
+            | Parameter::Friction(..)
+            | Parameter::Force(_)
+            | Parameter::JointForce(_) => {}
+        }
     }
 
     fn collect(&self, collected: Collected<Pose>) -> Sensitivities {

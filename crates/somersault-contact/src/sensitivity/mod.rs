@@ -76,11 +76,9 @@
 
 mod body;
 mod collect;
-mod contact;
 mod differentiable;
 mod forms;
 mod grazing;
-mod link;
 mod outcome;
 mod parameter;
 mod run;

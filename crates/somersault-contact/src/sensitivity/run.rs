@@ -1,7 +1,7 @@
 //! Integrating state and columns together.
 
 use super::collect::collect;
-use super::differentiable::{Differentiable, Moved, VariedOf};
+use super::differentiable::{Differentiable, VariedOf};
 use super::outcome::{Sensitivities, SensitivityError, Undifferentiated};
 use super::parameter::{Differentiation, FoundParameter, Parameter};
 use super::system::{Log, Variational};
@@ -112,7 +112,7 @@ impl<'a, S: Differentiable, M> SensitivityRun<'a, S, M> {
         let (start, end) = steps.interval();
         let tangents = system.tangents(initial);
         let count = differentiation.parameters.len();
-        let still = encounters::unstretched::<Moved<S>>(system, initial.clone());
+        let still = encounters::unstretched::<S::Moved>(system, initial.clone());
         let unstretched = varied(still, &tangents, count);
         let refuse = |reason| {
             let so_far = collect(system, Located::at_start(start, &unstretched), &[]);
@@ -129,7 +129,7 @@ impl<'a, S: Differentiable, M> SensitivityRun<'a, S, M> {
             unstretched.clone()
         } else {
             let stretches = differentiation.stretches.clone();
-            match encounters::stretched::<Moved<S>>(system, initial.clone(), stretches) {
+            match encounters::stretched::<S::Moved>(system, initial.clone(), stretches) {
                 Ok(stretched) => varied(stretched, &tangents, count),
                 Err(error) => return refuse(error.into()),
             }

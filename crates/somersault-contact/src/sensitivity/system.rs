@@ -1,18 +1,20 @@
 //! What moves in contact together with columns of tangents: its equations, its guards, and the jump of the columns at
 //! events.
 
-use super::differentiable::{At, Differentiable, Moved, Rate, VariedOf};
+use super::differentiable::{Differentiable, VariedOf};
 use super::grazing::{Grazing, Side};
 use super::parameter::FoundParameter;
 use crate::encounters::{self, reset};
 use crate::event::EventKind;
 use crate::laws::{ContactChange, ContactLaw, ContactMode, Encounter};
+use crate::linearized::{At, LinearizedRoom, Rate};
 use crate::surface::SurfaceFault;
 use nalgebra::Vector3;
 use somersault_integrators::augmented::AugmentedRate;
 use somersault_integrators::driver::IntegrateError;
 use somersault_integrators::events::{Energy, Guard, Hybrid, StepCurve, Sweep};
 use somersault_integrators::force::Wrench;
+use somersault_integrators::partials::Partials;
 use somersault_integrators::state::{Rate as _, State};
 use somersault_integrators::system::{Fault, System};
 use somersault_integrators::variation::Varied;
@@ -51,7 +53,7 @@ pub struct Variational<'a, S: Differentiable> {
     keep_events: bool,
     pub(super) log: RefCell<Log>,
     /// For what happens between steps.
-    between: RefCell<Between<S::Workspace>>,
+    between: RefCell<Between<S::Room>>,
 }
 
 /// Room for what happens between steps.
@@ -59,13 +61,6 @@ pub struct Variational<'a, S: Differentiable> {
 struct Between<W> {
     system: W,
     encounters: Vec<Encounter>,
-}
-
-/// Room for the equations: that of the system, and the efforts of the contacts.
-#[derive(Debug)]
-pub struct VariationalRoom<W> {
-    system: W,
-    efforts: Vec<Wrench>,
 }
 
 /// The parts of a state without its columns.
@@ -133,7 +128,7 @@ impl<'a, S: Differentiable> Variational<'a, S> {
     /// The event of one contact: the jump of the columns, in a state that is linearised with all its contacts.
     fn cross(
         &self,
-        w: &mut S::Workspace,
+        w: &mut S::Room,
         t: f64,
         (contact, law): (usize, &ContactLaw),
         modes: (&ContactMode, &ContactMode),
@@ -143,7 +138,7 @@ impl<'a, S: Differentiable> Variational<'a, S> {
         let Some(at) = self.system.met(w, contact).copied() else { return };
         let stretch = x.rate.base.variables[contact];
         let flow = (&x.rate.base.base, acceleration);
-        self.system.vary(w, t, base::<S>(x), flow, None);
+        self.system.vary(w, t, base::<S>(x), flow);
         let flowing = self.system.change(w, contact);
         let stretching = law.stretch_rate_in(modes.0, &at, &stretch);
         let margin_change = |change: &Encounter, parameter, stretch_change: &Vector3<f64>| {
@@ -157,7 +152,10 @@ impl<'a, S: Differentiable> Variational<'a, S> {
             .map(|(k, (displacement, change))| {
                 let parameter = self.parameter(k, count);
                 let along = (&displacement.base, &change.base);
-                self.system.vary(w, t, base::<S>(x), along, parameter.map(|found| found.parameter));
+                self.system.vary(w, t, base::<S>(x), along);
+                if let Some(of) = parameter {
+                    self.system.vary_by(w, t, base::<S>(x), of.parameter);
+                }
                 let of_law = parameter.and_then(|parameter| parameter.of_contact(contact));
                 -margin_change(&self.system.change(w, contact), of_law, &change.variables[contact]) / rate
             })
@@ -198,9 +196,9 @@ impl<'a, S: Differentiable> Variational<'a, S> {
 impl<S: Differentiable> System for Variational<'_, S> {
     type Configuration = VariedOf<S>;
     type Forms = S::Forms;
-    type Workspace = VariationalRoom<S::Workspace>;
+    type Workspace = LinearizedRoom<S::Room>;
     fn workspace(&self) -> Self::Workspace {
-        VariationalRoom { system: self.system.room(), efforts: Vec::new() }
+        LinearizedRoom::new(self.system.room())
     }
 
     fn velocity(&self, _: &mut Self::Workspace, _: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
@@ -212,6 +210,10 @@ impl<S: Differentiable> System for Variational<'_, S> {
 
     fn acceleration(&self, w: &mut Self::Workspace, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
         self.acceleration_in(&self.mode(t, x), w, t, x, out);
+    }
+
+    fn partials(&self, w: &mut Self::Workspace, t: f64, x: &StateOf<S>, out: &mut Partials<VariedOf<S>>) {
+        self.partials_in(&self.mode(t, x), w, t, x, out);
     }
 
     fn take_fault(&self) -> Option<Fault> {
@@ -231,11 +233,11 @@ impl<S: Differentiable> Hybrid for Variational<'_, S> {
     }
 
     fn mode(&self, _: f64, x: &StateOf<S>) -> Vec<ContactMode> {
-        encounters::modes::<Moved<S>>(self.system, base::<S>(x))
+        encounters::modes::<S::Moved>(self.system, base::<S>(x))
     }
 
     fn next_mode(&self, before: &Vec<ContactMode>, _: f64, x: &StateOf<S>) -> Vec<ContactMode> {
-        encounters::next_modes::<Moved<S>>(self.system, before, base::<S>(x))
+        encounters::next_modes::<S::Moved>(self.system, before, base::<S>(x))
     }
 
     fn event_kind(
@@ -249,7 +251,7 @@ impl<S: Differentiable> Hybrid for Variational<'_, S> {
     }
 
     fn guards(&self, mode: &Vec<ContactMode>, _: f64, x: &StateOf<S>, out: &mut Vec<Guard>) {
-        encounters::guards::<Moved<S>>(self.system, mode, base::<S>(x), out);
+        encounters::guards::<S::Moved>(self.system, mode, base::<S>(x), out);
     }
 
     fn sweeps(
@@ -294,31 +296,42 @@ impl<S: Differentiable> Hybrid for Variational<'_, S> {
         x: &StateOf<S>,
         out: &mut RateOf<S>,
     ) {
-        let (system, at_base, stretches) = (self.system, base::<S>(x), &x.rate.base.variables);
-        let VariationalRoom { system: w, efforts } = w;
-        system.linearize(w, (mode, false), t, at_base, &mut out.base);
-        efforts.clear();
-        efforts.extend(system.laws().zip(mode).enumerate().map(|(i, (law, mode))| {
-            system.met(w, i).map_or_else(Wrench::default, |at| law.effort_in(mode, at, &stretches[i]))
-        }));
+        let (system, at) = (self.system, base::<S>(x));
+        w.linearize(system, mode, t, at, &mut out.base);
         let columns = x.configuration.columns.iter().zip(&x.rate.columns);
         let count = x.rate.columns.len();
         for (k, ((displacement, carried), change)) in columns.zip(&mut out.columns).enumerate() {
             let parameter = self.parameter(k, count);
-            let constant = parameter.map(|found| found.parameter);
-            system.vary(w, t, at_base, (&displacement.base, &carried.base), constant);
-            change.variables.fill(Vector3::zeros());
-            for (i, (law, mode)) in system.laws().zip(mode).enumerate() {
-                let Some(at) = system.met(w, i).copied() else { continue };
-                let moved = system.change(w, i);
-                let parameter = parameter.and_then(|parameter| parameter.of_contact(i));
-                let along = ContactChange { at: &moved, stretch: &carried.variables[i], parameter };
-                let (effort_change, stretch_rate) = law.derivative_in(mode, &at, &stretches[i], &along);
-                system.press(w, i, (&efforts[i], &effort_change), &moved);
-                change.variables[i] = stretch_rate;
+            let of_law = |contact| parameter.and_then(|parameter| parameter.of_contact(contact));
+            let AugmentedRate { base: change, variables } = change;
+            w.vary(system, mode, t, at, (&displacement.base, carried), of_law, variables);
+            let w = &mut w.system;
+            if let Some(of) = parameter {
+                system.vary_by(w, t, at, of.parameter);
             }
-            system.acceleration_change(w, at_base, constant, &mut change.base);
+            system.acceleration_change(w, at, change);
+            if let Some(of) = parameter {
+                system.add_change_by(w, of.parameter, change);
+            }
         }
+    }
+
+    /// Those of the motion without columns, along which they are the same.
+    fn partials_in(
+        &self,
+        mode: &Vec<ContactMode>,
+        w: &mut Self::Workspace,
+        t: f64,
+        x: &StateOf<S>,
+        out: &mut Partials<VariedOf<S>>,
+    ) {
+        let (system, at) = (self.system, base::<S>(x));
+        w.linearize(system, mode, t, at, &mut out.room_mut().base);
+        out.by_columns(|(displacement, change), slope| {
+            let AugmentedRate { base, variables } = &mut slope.base;
+            w.vary(system, mode, t, at, (&displacement.base.base, &change.base), |_| None, variables);
+            system.acceleration_change(&mut w.system, at, base);
+        });
     }
 
     /// The saltation of the columns, and the stretches of contacts that begin and end.

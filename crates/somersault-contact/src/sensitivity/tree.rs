@@ -1,45 +1,21 @@
 //! A tree in contact, differentiated.
 
-use super::differentiable::{At, Collected, Differentiable};
-use super::link::LinkLinearization;
+use super::differentiable::{Collected, Differentiable};
 use super::outcome::{SensitivityError, TreeSensitivities};
 use super::parameter::Parameter;
-use crate::carrier::Frame;
-use crate::laws::{ContactMode, Encounter};
+use crate::laws::ContactMode;
+use crate::linearized::At;
 use crate::surface::SurfaceFault;
-use crate::tree::{TreeInContact, frame};
+use crate::tree::{TreeInContact, TreeRoom};
 use nalgebra::DMatrix;
-use somersault_integrators::augmented::AugmentedRate;
 use somersault_integrators::events::{Energy, Guard, Sweep};
-use somersault_integrators::force::Wrench;
-use somersault_integrators::state::Rate;
 use somersault_integrators::system::{Fault, OneForm, System};
 use somersault_integrators::variation::Tangent;
-use somersault_multibody::motion::{Coordinates, Rates, TreeForces, TreeState, TreeVariation, TreeWorkspace};
-
-/// Room for a tree linearised in a state.
-#[derive(Debug)]
-pub struct TreeRoom {
-    tree: TreeWorkspace,
-    variation: TreeVariation,
-    frames: Vec<Frame>,
-    contacts: Vec<Option<LinkLinearization>>,
-}
+use somersault_multibody::motion::{Coordinates, Rates, TreeForces, TreeState};
 
 impl<F: TreeForces> Differentiable for TreeInContact<'_, F> {
-    type Moved = Coordinates;
     type Forms = OneForm;
-    type Workspace = TreeRoom;
     type Sensitivities = TreeSensitivities;
-
-    fn room(&self) -> TreeRoom {
-        TreeRoom {
-            tree: self.workspace(),
-            variation: self.tree().variation(),
-            frames: Vec::with_capacity(self.model().n_bodies()),
-            contacts: Vec::with_capacity(self.contacts().len()),
-        }
-    }
 
     fn tangents(&self, x: &TreeState) -> Vec<Tangent<Rates>> {
         let n = self.model().n_velocities();
@@ -64,113 +40,13 @@ impl<F: TreeForces> Differentiable for TreeInContact<'_, F> {
         }
     }
 
-    fn linearize(
-        &self,
-        w: &mut TreeRoom,
-        (mode, all): (&[ContactMode], bool),
-        t: f64,
-        (q, p): At<'_, Self>,
-        out: &mut AugmentedRate<Rates>,
-    ) {
-        let TreeRoom { tree, variation, frames, contacts } = w;
-        self.acceleration_at(mode, tree, t, (q, p), out);
-        if !self.tree().linearize(tree, variation, &q.0) {
-            out.base.scale(f64::NAN);
-        }
-        contacts.clear();
-        if !all && mode.iter().all(|mode| mode.is_open()) {
-            return;
-        }
-        frames.clear();
-        self.seen((&q.0, &p.base), |bodies| {
-            frames.extend((0..self.model().n_bodies()).map(|link| frame(bodies, link)));
-            let parts = self.contacts().parts().zip(mode).enumerate();
-            contacts.extend(parts.map(|(i, (part, mode))| {
-                (all || !mode.is_open()).then(|| {
-                    let met = self.contacts().meet(i, &part, bodies);
-                    LinkLinearization::new(self.contacts(), i, &part, frames, met)
-                })
-            }));
-        });
-    }
-
-    fn met<'w>(&self, w: &'w TreeRoom, contact: usize) -> Option<&'w Encounter> {
-        w.contacts.get(contact)?.as_ref().map(|of| &of.at)
-    }
-
-    fn vary(
-        &self,
-        w: &mut TreeRoom,
-        t: f64,
-        (q, _): At<'_, Self>,
-        tangent: (&Rates, &Rates),
-        parameter: Option<&Parameter>,
-    ) {
-        self.tree().vary(&mut w.variation, t, &q.0, tangent);
-        if let Some(Parameter::JointForce(k)) = parameter
-            && let Some(torque) = w.variation.torque_mut().get_mut(*k)
-        {
-            *torque += 1.0;
+    fn vary_by(&self, w: &mut TreeRoom, _: f64, _: At<'_, Self>, parameter: &Parameter) {
+        if let Parameter::JointForce(k) = parameter {
+            w.add_joint_force(*k, 1.0);
         }
     }
 
-    fn change(&self, w: &mut TreeRoom, contact: usize) -> Encounter {
-        match (w.contacts.get(contact), self.contacts().part(contact)) {
-            (Some(Some(of)), Ok(part)) => of.along(&part, &w.frames, w.variation.links()),
-            (Some(_) | None, _) => Encounter::ZERO,
-        }
-    }
-
-    fn press(&self, w: &mut TreeRoom, contact: usize, effort: (&Wrench, &Wrench), change: &Encounter) {
-        let TreeRoom { variation, frames, contacts, .. } = w;
-        let Some(Some(of)) = contacts.get(contact) else { return };
-        let mut pushed = [None; 2];
-        let mut rest = pushed.iter_mut();
-        of.press(effort, change, frames, variation.links(), |link, _, change| {
-            if let Some(place) = rest.next() {
-                *place = Some((link, change));
-            }
-        });
-        for (link, change) in pushed.into_iter().flatten() {
-            variation.push(link, &change);
-        }
-    }
-
-    fn acceleration_change(
-        &self,
-        w: &mut TreeRoom,
-        (q, _): At<'_, Self>,
-        _: Option<&Parameter>,
-        out: &mut Rates,
-    ) {
-        self.tree().acceleration_change(&mut w.variation, &q.0, out);
-    }
-
-    fn response(
-        &self,
-        w: &mut TreeRoom,
-        contact: usize,
-        (q, _): At<'_, Self>,
-        effort: &Wrench,
-        out: &mut Rates,
-    ) {
-        let TreeRoom { variation, frames, contacts, .. } = w;
-        variation.rest();
-        if let Some(Some(of)) = contacts.get(contact) {
-            let mut pushed = [None; 2];
-            let mut rest = pushed.iter_mut();
-            let still = (&Wrench::default(), &Encounter::ZERO);
-            of.press((effort, still.0), still.1, frames, variation.links(), |link, wrench, _| {
-                if let Some(place) = rest.next() {
-                    *place = Some((link, wrench));
-                }
-            });
-            for (link, wrench) in pushed.into_iter().flatten() {
-                variation.push(link, &wrench);
-            }
-        }
-        self.tree().acceleration_change(variation, &q.0, out);
-    }
+    fn add_change_by(&self, _: &mut TreeRoom, _: &Parameter, _: &mut Rates) {}
 
     fn collect(&self, collected: Collected<Coordinates>) -> TreeSensitivities {
         let Collected { run, columns, event_times } = collected;

@@ -256,7 +256,7 @@ impl TreeContacts {
 
 /// How the frame of a link stands and moves; NaN of one that is not there.
 #[inline]
-pub(crate) fn frame(bodies: &Velocities<'_>, link: usize) -> Frame {
+pub(super) fn frame(bodies: &Velocities<'_>, link: usize) -> Frame {
     match (bodies.positions().pose(link), bodies.velocity(link)) {
         (Ok(pose), Ok(motion)) => Frame {
             origin: pose.translation,

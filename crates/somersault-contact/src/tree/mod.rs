@@ -58,12 +58,14 @@
 mod contacts;
 mod equilibrium;
 mod geometry;
+mod linearization;
+mod linearized;
 mod report;
 mod system;
 
-pub(crate) use contacts::frame;
 pub use contacts::{LinkContact, LinkPair, TreeContacts};
 pub use equilibrium::Equilibrium;
 pub use geometry::{GeometryContacts, LeftOut, geometry_contacts, shape_contacts};
+pub use linearization::TreeRoom;
 pub use report::{ContactState, Ledger};
-pub use system::{TouchingRate, TouchingState, TreeInContact};
+pub use system::{TouchingRate, TouchingState, TouchingWorkspace, TreeInContact};

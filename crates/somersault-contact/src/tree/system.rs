@@ -1,12 +1,14 @@
 //! A tree in contact as a system with modes.
 
 use super::contacts::{LinkContact, LinkPair, TreeContacts, frame};
+use super::linearization::TreeRoom;
 use crate::bodies::{Part, SpherePair};
 use crate::contacts::is_free;
 use crate::encounters::{self, Encounters, Stretched, reset};
 use crate::error::ContactError;
 use crate::event::EventKind;
 use crate::laws::{ContactLaw, ContactMode, ContactRate, Encounter, Mobility};
+use crate::linearized::{Linearized, LinearizedRoom};
 use crate::load;
 use crate::surface::SurfaceFault;
 use crate::sweep::PointSweep;
@@ -15,6 +17,7 @@ use somersault_integrators::augmented::{Augmented, AugmentedRate};
 use somersault_integrators::driver::IntegrateError;
 use somersault_integrators::events::{Energy, Guard, Hybrid, Sweep};
 use somersault_integrators::force::Wrench;
+use somersault_integrators::partials::Partials;
 use somersault_integrators::state::State;
 use somersault_integrators::system::{Fault, OneForm, System};
 use somersault_multibody::motion::{
@@ -40,7 +43,15 @@ pub struct TreeInContact<'m, F = (), D = ()> {
     contacts: TreeContacts,
     /// How fast the root of the energy grows at most by the weight, √J/s.
     growth: f64,
-    room: Mutex<Room>,
+    between: Mutex<Room>,
+}
+
+/// Room for the equations of a tree in contact.
+#[derive(Debug)]
+pub struct TouchingWorkspace {
+    tree: TreeWorkspace,
+    /// For derivatives, made where they are first wanted.
+    linearized: Option<Box<LinearizedRoom<TreeRoom>>>,
 }
 
 /// Room for what is asked between steps.
@@ -60,13 +71,13 @@ impl<'m, F: TreeForces, D: JointDrive> TreeInContact<'m, F, D> {
     ) -> Result<Self, ContactError> {
         let model = tree.model();
         let contacts = TreeContacts::try_new(model, on_surfaces, pairs)?;
-        let room = Room {
+        let between = Mutex::new(Room {
             data: Data::new(model),
             v: vec![0.0; model.n_velocities()],
             bounds: LinkBounds::new(model),
-        };
+        });
         let growth = model.gravity().norm() * (0.5 * model.mass()).sqrt();
-        Ok(Self { tree, contacts, growth, room: Mutex::new(room) })
+        Ok(Self { tree, contacts, growth, between })
     }
 
     /// The tree.
@@ -103,7 +114,7 @@ impl<'m, F: TreeForces, D: JointDrive> TreeInContact<'m, F, D> {
     pub fn loaded(&self, t: f64, x: TreeState) -> Result<TouchingState, ContactError> {
         let Some(factor) = self.factor(x.configuration.as_slice())? else { return Ok(self.unstretched(x)) };
         let upper = factor.l().transpose();
-        let w = RefCell::new(self.workspace());
+        let w = RefCell::new(self.tree.workspace_for_wrenches());
         Ok(load::loaded(self, x, |x, effort| {
             let pressing =
                 Pressing { contacts: &self.contacts, effort: RefCell::new(effort), is_open: &|_| false };
@@ -145,8 +156,8 @@ impl<'m, F: TreeForces, D: JointDrive> TreeInContact<'m, F, D> {
         Ok(self.model().mass_matrix(&mut Data::new(self.model()), q)?.clone().cholesky())
     }
 
-    fn room(&self) -> MutexGuard<'_, Room> {
-        self.room.lock().unwrap_or_else(PoisonError::into_inner)
+    fn between(&self) -> MutexGuard<'_, Room> {
+        self.between.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     /// Shows the poses and velocities of the links; `None` where the state is of another tree.
@@ -156,7 +167,7 @@ impl<'m, F: TreeForces, D: JointDrive> TreeInContact<'m, F, D> {
         see: impl FnOnce(&Velocities<'_>) -> R,
     ) -> Option<R> {
         let model = self.model();
-        let Room { data, v, .. } = &mut *self.room();
+        let Room { data, v, .. } = &mut *self.between();
         model.joint_velocities_at((q, p), v).ok()?;
         model.velocities(data, q.as_slice(), v).ok().map(|bodies| see(&bodies))
     }
@@ -309,14 +320,24 @@ impl<F: TreeForces, D: JointDrive> Encounters<Coordinates> for TreeInContact<'_,
 impl<F: TreeForces, D: JointDrive> System for TreeInContact<'_, F, D> {
     type Configuration = Augmented<Coordinates>;
     type Forms = OneForm;
-    type Workspace = TreeWorkspace;
+    type Workspace = TouchingWorkspace;
 
-    fn workspace(&self) -> TreeWorkspace {
-        self.tree.workspace_for_wrenches()
+    fn workspace(&self) -> TouchingWorkspace {
+        TouchingWorkspace { tree: self.tree.workspace_for_wrenches(), linearized: None }
     }
 
-    fn acceleration(&self, w: &mut TreeWorkspace, t: f64, x: &TouchingState, out: &mut TouchingRate) {
+    fn acceleration(&self, w: &mut TouchingWorkspace, t: f64, x: &TouchingState, out: &mut TouchingRate) {
         self.acceleration_in(&self.mode(t, x), w, t, x, out);
+    }
+
+    fn partials(
+        &self,
+        w: &mut TouchingWorkspace,
+        t: f64,
+        x: &TouchingState,
+        out: &mut Partials<Augmented<Coordinates>>,
+    ) {
+        self.partials_in(&self.mode(t, x), w, t, x, out);
     }
 
     fn take_fault(&self) -> Option<Fault> {
@@ -332,7 +353,7 @@ fn parts(x: &TouchingState) -> Stretched<'_, Coordinates> {
 /// What [`Hybrid`] asks, of a state in its two parts.
 impl<F: TreeForces, D: JointDrive> TreeInContact<'_, F, D> {
     pub(crate) fn sweeps_at(&self, h: f64, ends: [Stretched<'_, Coordinates>; 2], out: &mut Vec<Sweep>) {
-        let Room { data, bounds, .. } = &mut *self.room();
+        let Room { data, bounds, .. } = &mut *self.between();
         let [before, _] = ends;
         let ends = ends.map(|(q, p)| (&q.0, &p.base));
         let Ok((bodies, links)) = bounds.between(self.model(), data, ends, h) else { return };
@@ -499,12 +520,38 @@ impl<F: TreeForces, D: JointDrive> Hybrid for TreeInContact<'_, F, D> {
     fn acceleration_in(
         &self,
         mode: &Vec<ContactMode>,
-        w: &mut TreeWorkspace,
+        w: &mut TouchingWorkspace,
         t: f64,
         x: &TouchingState,
         out: &mut TouchingRate,
     ) {
-        self.acceleration_at(mode, w, t, parts(x), out);
+        self.acceleration_at(mode, &mut w.tree, t, parts(x), out);
+    }
+
+    /// Analytic as those of the tree without contacts, and of laws that have derivatives; by differences where a law has none
+    /// or joints are driven.
+    fn partials_in(
+        &self,
+        mode: &Vec<ContactMode>,
+        w: &mut TouchingWorkspace,
+        t: f64,
+        x: &TouchingState,
+        out: &mut Partials<Augmented<Coordinates>>,
+    ) {
+        if !self.tree.is_driven() {
+            let TouchingWorkspace { linearized, .. } = w;
+            let room = linearized.get_or_insert_with(|| Box::new(LinearizedRoom::new(self.room())));
+            let at = parts(x);
+            room.linearize(self, mode, t, at, out.room_mut());
+            out.by_columns(|(displacement, change), slope| {
+                let AugmentedRate { base, variables } = slope;
+                room.vary(self, mode, t, at, (&displacement.base, change), |_| None, variables);
+                self.acceleration_change(&mut room.system, at, base);
+            });
+        }
+        if self.tree.is_driven() || !out.is_finite() {
+            out.by_differences(x, |x, slope| self.acceleration_in(mode, w, t, x, slope));
+        }
     }
 
     /// Contacts begin and end without stretch.

@@ -20,7 +20,7 @@ fn located_steps_of_a_tree_allocate_nothing_between_events() {
     // In contact, between its first stick and its slip.
     let held = Run::new(&driven, Method::Rkmk8, grid).locating(Location::default()).from(&flight);
     let held = held.unwrap().state;
-    for method in [Method::Rk4, Method::Rkmk, Method::Rkmk8, Method::Ab4] {
+    for method in [Method::Rk4, Method::Rkmk, Method::Rkmk8, Method::Ab4, Method::Radau5] {
         for (t, start) in [(0.0, &flight), (0.045, &held)] {
             let run = |steps: u64| {
                 let grid = TimeGrid::try_with_steps(t, t + 1e-5 * steps as f64, steps).unwrap();

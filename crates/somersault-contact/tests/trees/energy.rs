@@ -1,7 +1,7 @@
 //! Energy: kept without damping, and never created.
 
 use crate::scenes::{chain, chain_start};
-use crate::slider::{Leg, slider};
+use crate::slider::LEG;
 use nalgebra::Vector3;
 use somersault_contact::contacts::Contact;
 use somersault_contact::laws::compliant::CompliantLaw;
@@ -61,11 +61,11 @@ impl<S: Hybrid> Observer<S::Configuration> for Falls<'_, S> {
 
 #[test]
 fn energy_is_never_created() {
-    let model = slider();
+    let model = LEG.model();
     let law = CompliantLaw::try_new(2e4, 30.0).unwrap();
     let contact = Contact::try_new(Vector3::zeros(), Arc::new(HalfSpace::ground()), law).unwrap();
     let contacts = vec![LinkContact::new("foot", "foot", contact)];
-    let system = TreeInContact::try_new(TreeSystem::new(&model, Leg), contacts, vec![]).unwrap();
+    let system = TreeInContact::try_new(TreeSystem::new(&model, LEG), contacts, vec![]).unwrap();
     let start = system.unstretched(model.state(&[0.8, 0.0], &[0.0, 0.0]).unwrap());
     let mut falls = Falls { system: &system, last: system.ledger(&start).total(), scale: 0.0, steps: 0 };
     let first = falls.last;

@@ -287,9 +287,9 @@ fn the_derivative_of_a_tree_of_one_body_is_that_of_the_body() {
     }
 }
 
-/// Balls on an arm that hangs on a ball joint of a free body: they hit a sphere that another body carries, and each other.
-#[test]
-fn derivatives_of_links_that_touch_are_differences_of_runs() {
+/// Balls on an arm that hangs on a ball joint of a free body: they hit a sphere that another body carries, and each other. The
+/// tree, its contacts, and where it starts.
+pub(crate) fn touching_links() -> (Model, [LinkContact; 2], LinkPair, TreeState) {
     let solid = |mass: f64, moments: [f64; 3], center: Vector3<f64>| MassProperties {
         mass,
         center,
@@ -318,8 +318,6 @@ fn derivatives_of_links_that_touch_are_differences_of_runs() {
     let on = LinkContact::new("on", "arm", on).on("other");
     let ground = Contact::try_ball(tip, 0.05, Arc::new(HalfSpace::ground()), law).unwrap();
     let ground = LinkContact::new("ground", "arm", ground);
-    let tree = TreeSystem::new(&model, ());
-    let system = TreeInContact::try_new(tree, vec![on, ground], vec![pair.unwrap()]).unwrap();
     let turn = UnitQuaternion::new(Vector3::new(0.2, -0.3, 0.1));
     let swung = UnitQuaternion::new(Vector3::new(0.1, 0.15, -0.2));
     let place = [&[0.1, -0.2, 0.55][..], turn.coords.as_slice()].concat();
@@ -327,6 +325,14 @@ fn derivatives_of_links_that_touch_are_differences_of_runs() {
     let q = [place, swung.coords.as_slice().to_vec(), aside].concat();
     let v = [0.2, -0.1, -0.8, 0.5, 0.4, -0.3, 0.3, -0.9, 0.5, -1.6, 0.2, 0.3, 0.5, -0.6, 0.9];
     let start = model.state(&q, &v).unwrap();
+    (model, [on, ground], pair.unwrap(), start)
+}
+
+#[test]
+fn derivatives_of_links_that_touch_are_differences_of_runs() {
+    let (model, on_surfaces, pair, start) = touching_links();
+    let tree = TreeSystem::new(&model, ());
+    let system = TreeInContact::try_new(tree, on_surfaces.into(), vec![pair]).unwrap();
     let grid = TimeGrid::try_new(0.0, 0.3, 5e-4).unwrap();
     let found = differentiate(&system, &start, [], grid);
     let touched: Vec<_> = (0..3).filter(|i| found.run.events.iter().any(|e| e.guard == *i)).collect();

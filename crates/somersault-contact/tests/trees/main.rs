@@ -8,6 +8,7 @@ mod drops;
 mod energy;
 mod geometry;
 mod gradients;
+mod light_feet;
 mod models;
 mod orders;
 mod references;

@@ -10,7 +10,7 @@ use somersault_integrators::run::Run;
 use somersault_multibody::motion::{TreeForces, TreeSystem};
 
 /// The median of the slopes between neighbouring step sizes that are an octave apart, of those above the floor.
-fn median_order(errors: &[(f64, f64)], octave: usize, floor: f64) -> f64 {
+pub(crate) fn median_order(errors: &[(f64, f64)], octave: usize, floor: f64) -> f64 {
     let pairs = errors.iter().zip(&errors[octave..]).filter(|(_, (_, fine))| *fine > floor);
     let mut slopes: Vec<f64> = pairs.map(|((h, e), (k, f))| (e / f).ln() / (h / k).ln()).collect();
     assert!(slopes.len() >= 4, "{errors:?}");

@@ -3,7 +3,7 @@
 use super::hybrid::Hybrid;
 use super::outcome::Interruption;
 use super::run::InProgress;
-use crate::driver::{Adaptive, Flow, Status, check_interval};
+use crate::driver::{Adaptive, Flow, Status, check_interval, judge};
 
 /// Makes steps up to `end`, chosen afresh from each event.
 pub(super) fn steps<H: Hybrid>(
@@ -17,8 +17,9 @@ pub(super) fn steps<H: Hybrid>(
         let t = run.so_far.t;
         let (h, t_after) = control.propose(t, end)?;
         let (from, to) = (run.before.slot, run.after.slot);
-        let mut error = run.worker.engine.attempt(t, h, from, to, &settings.tolerances)?;
-        let mut fault = None;
+        let attempt = run.worker.engine.attempt(t, h, from, to, &settings.tolerances);
+        let (mut error, unsolved) = judge(attempt)?;
+        let mut fault = unsolved.map(Interruption::from);
         if error <= 1.0
             && let Err(reason) = run.worker.settle(t + h, &mut run.after)
         {

@@ -14,8 +14,8 @@ pub(super) fn steps<H: Hybrid>(
     let end = grid.time(grid.steps());
     let mut stiff = Stiff::new(run.location.stiff, &run.worker.engine.info(), grid.dt());
     stiff.enter(run.worker.frozen, run.so_far.t, &run.before.state)?;
-    if stiff.parts > 1 {
-        grid = TimeGrid::try_new(run.so_far.t, end, stiff.part())?;
+    if stiff.step() < grid.dt() {
+        grid = TimeGrid::try_new(run.so_far.t, end, stiff.step())?;
     }
     let mut n = 0;
     while run.so_far.t < end {
@@ -24,10 +24,14 @@ pub(super) fn steps<H: Hybrid>(
         if n == grid.full_steps() {
             run.worker.restart();
         }
-        run.worker.step(t, run.before.slot, h, &mut run.after)?;
+        let made = run.worker.step(t, run.before.slot, h, &mut run.after);
         n += 1;
         // A step that is thrown off is not searched for what it meets on the way.
-        let mut stands = stiff.holds(run.worker.frozen, t, &run.after.state)?;
+        let mut stands = match made {
+            Ok(()) => stiff.holds(run.worker.frozen, t, &run.after.state)?,
+            Err(reason) if reason.is_of_the_step() && stiff.shortens() => false,
+            Err(reason) => return Err(reason),
+        };
         let mut span = Span { h, t_after: grid.time(n), is_event: false };
         if stands {
             span = run.locate(h, span.t_after)?;
@@ -36,14 +40,17 @@ pub(super) fn steps<H: Hybrid>(
         if !stands {
             run.so_far.trials += 1;
             run.worker.restart();
-            (grid, n) = (TimeGrid::try_new(t, end, stiff.part())?, 0);
+            (grid, n) = (TimeGrid::try_new(t, end, stiff.step())?, 0);
             continue;
         }
-        run.so_far.substeps += u64::from(stiff.parts > 1);
+        run.so_far.substeps += u64::from(stiff.step() < stiff.dt);
         let flow = run.commit(span)?;
         if span.is_event && span.t_after < end {
             stiff.enter(run.worker.frozen, span.t_after, &run.before.state)?;
-            (grid, n) = (TimeGrid::try_new(span.t_after, end, stiff.part())?, 0);
+            (grid, n) = (TimeGrid::try_new(span.t_after, end, stiff.step())?, 0);
+        } else if stiff.grows() && span.t_after < end {
+            run.worker.restart();
+            (grid, n) = (TimeGrid::try_new(span.t_after, end, stiff.step())?, 0);
         }
         if flow == Flow::Stop && span.t_after < end {
             return Ok(Status::Stopped);

@@ -4,6 +4,7 @@ use super::guard::Guard;
 use super::sweep::Sweep;
 use crate::body::RigidBody;
 use crate::driver::IntegrateError;
+use crate::partials::Partials;
 use crate::state::State;
 use crate::system::{
     BodyPoses, BodyRate, Decoder, Fault, FromBody, RateOf, RigidSystem, StateOf, System, torques_in_body_axes,
@@ -64,6 +65,18 @@ pub trait Hybrid: System {
         x: &StateOf<Self>,
         out: &mut RateOf<Self>,
     );
+
+    /// The derivatives of that, as [`System::partials`].
+    fn partials_in(
+        &self,
+        mode: &Self::Mode,
+        w: &mut Self::Workspace,
+        t: f64,
+        x: &StateOf<Self>,
+        out: &mut Partials<Self::Configuration>,
+    ) {
+        out.by_differences(x, |x, acceleration| self.acceleration_in(mode, w, t, x, acceleration));
+    }
 
     /// What it is called that a guard changed sign, given the modes before and after the event.
     fn event_kind(
@@ -189,6 +202,16 @@ impl<S: Hybrid + ?Sized> Hybrid for &S {
         out: &mut RateOf<S>,
     ) {
         (**self).acceleration_in(mode, w, t, x, out);
+    }
+    fn partials_in(
+        &self,
+        mode: &S::Mode,
+        w: &mut S::Workspace,
+        t: f64,
+        x: &StateOf<S>,
+        out: &mut Partials<S::Configuration>,
+    ) {
+        (**self).partials_in(mode, w, t, x, out);
     }
     fn event_kind(
         &self,
@@ -329,6 +352,9 @@ impl<H: Hybrid> System for Frozen<'_, H> {
     #[inline(always)]
     fn acceleration(&self, w: &mut H::Workspace, t: f64, x: &StateOf<H>, out: &mut RateOf<H>) {
         self.system.acceleration_in(&self.mode.borrow(), w, t, x, out);
+    }
+    fn partials(&self, w: &mut H::Workspace, t: f64, x: &StateOf<H>, out: &mut Partials<H::Configuration>) {
+        self.system.partials_in(&self.mode.borrow(), w, t, x, out);
     }
     fn take_fault(&self) -> Option<Fault> {
         self.system.take_fault()

@@ -23,7 +23,8 @@ pub struct Location {
 pub enum StiffSteps {
     /// They are divided as their rate ([`stiffest_rate`](super::Hybrid::stiffest_rate)) and the method ask for, and
     /// further where the [`energy`](super::Hybrid::energy) grows; a run that would need to divide a step by more than
-    /// `most` ends with an error.
+    /// `most` ends with an error. Of an L-stable method ([`MethodInfo::l_stable`](crate::stepper::MethodInfo::l_stable)) only the
+    /// first steps after an event are shorter.
     Divide {
         /// The largest number of parts; 1 refuses every step that is too long.
         most: u64,

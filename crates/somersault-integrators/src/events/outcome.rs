@@ -137,6 +137,13 @@ pub enum Interruption<F = Infallible> {
     },
 }
 
+impl<F> Interruption<F> {
+    /// Whether a shorter step may help: the equation of an implicit one was not solved.
+    pub(super) fn is_of_the_step(&self) -> bool {
+        matches!(self, Self::Integrate(error) if error.is_of_the_step())
+    }
+}
+
 /// A run that did not reach its end, with the solution up to there.
 #[derive(Debug, Clone, thiserror::Error)]
 #[error("{reason}")]

@@ -19,6 +19,7 @@
 //! # Deviations
 //! None.
 
+use crate::iteration::is_rounding;
 use crate::scratch::Scratch;
 use crate::state::{Configuration, ErrorSum, Rate, Tolerances};
 use crate::stepper::{MethodInfo, Scheme, Stages, StepError, Stepper};
@@ -58,11 +59,6 @@ const NEGLIGIBLE: f64 = 1e-17;
 /// Iterations without a smaller change after which what moves no body by a rounding is taken for round-off. A mode that
 /// contracts at all alternates between velocities and accelerations, so that a pair of iterations may gain nothing.
 const PATIENCE: usize = 6;
-/// A rounding of the configuration: of its size, now or at the start, but of a metre and of a radian at least.
-///
-/// A body at rest has a velocity of rounding only, and forces in balance leave what rounding they have. The iteration
-/// contracts for h² ‖∂a/∂q‖ < 4, so that a rounding of q moves a velocity by 4 roundings over h at most.
-const ROUNDING: Tolerances = Tolerances { relative: 16.0 * f64::EPSILON, absolute: 16.0 * f64::EPSILON };
 
 /// Room for the iteration, and the configuration at the start, whose size counts for what is a rounding.
 pub struct ImplicitMemory<S: System> {
@@ -129,10 +125,8 @@ impl<S: System> Stepper<S> for ImplicitMidpoint {
             least = least.min(change);
             if since_least >= PATIENCE {
                 change_by.scale(h);
-                let mut sum = ErrorSum::default();
-                middle.configuration.weigh_all(began, &move_by, &ROUNDING, &mut sum);
-                middle.configuration.weigh_all(began, &change_by, &ROUNDING, &mut sum);
-                if sum.root_mean_square() <= 1.0 {
+                // It contracts for h² ‖∂a/∂q‖ < 4, so that a rounding of q moves a velocity by 4 roundings over h at most.
+                if is_rounding(&middle.configuration, began, [&*move_by, &*change_by]) {
                     break;
                 }
             }

@@ -52,6 +52,7 @@ pub mod imid;
 pub mod lgvi;
 pub mod mp;
 pub mod pmv;
+pub mod radau5;
 pub mod rk4;
 pub mod rkmk;
 pub mod rkmk_tableau;

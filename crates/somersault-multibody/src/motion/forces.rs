@@ -123,7 +123,7 @@ pub struct Driven<P> {
 impl<P: Fn(f64, &[f64], &[f64], &mut [f64])> JointDrive for Driven<P> {
     #[inline]
     fn solve(&self, model: &Model, t: f64, q: &[f64], w: &mut TreeWorkspace) -> Result<(), DynamicsError> {
-        let TreeWorkspace { data, v, torque, wrenches, acceleration } = w;
+        let TreeWorkspace { data, v, torque, wrenches, acceleration, .. } = w;
         (self.motion)(t, q, v, acceleration);
         model.hybrid_dynamics(data, &self.split, q, v, acceleration, torque, wrenches)
     }

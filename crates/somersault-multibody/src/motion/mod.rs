@@ -34,6 +34,7 @@
 
 mod bounds;
 mod forces;
+mod linearized;
 mod state;
 mod system;
 mod variation;

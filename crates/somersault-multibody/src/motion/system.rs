@@ -8,6 +8,7 @@ use crate::error::DynamicsError;
 use crate::model::Model;
 use crate::spatial::Force;
 use somersault_core::argument::expect_length;
+use somersault_integrators::partials::Partials;
 use somersault_integrators::system::{Fault, OneForm, System};
 
 /// A tree under forces, with joints that may be driven.
@@ -57,6 +58,11 @@ impl<F: TreeForces, D: JointDrive> TreeSystem<'_, F, D> {
     /// The forces.
     pub fn forces(&self) -> &F {
         &self.forces
+    }
+
+    /// Whether some joints follow prescribed accelerations.
+    pub fn is_driven(&self) -> bool {
+        self.drive.is_active()
     }
 
     /// Joint velocities, accelerations and forces in state `x` at time `t`.
@@ -122,7 +128,7 @@ impl<F: TreeForces, D: JointDrive> TreeSystem<'_, F, D> {
     /// The potential of the forces for positions `q`, J, where neither they nor the drive give the tree energy that is not
     /// taken from it; see [`TreeForces::potential`].
     pub fn potential(&self, q: &[f64]) -> Option<f64> {
-        if self.drive.is_active() { None } else { self.forces.potential(q) }
+        if self.is_driven() { None } else { self.forces.potential(q) }
     }
 }
 
@@ -137,6 +143,25 @@ impl<F: TreeForces, D: JointDrive> System for TreeSystem<'_, F, D> {
 
     fn acceleration(&self, w: &mut TreeWorkspace, t: f64, x: &TreeState, out: &mut Rates) {
         self.acceleration_under(w, t, (&x.configuration, &x.rate), None, out);
+    }
+
+    /// Analytic, but for forces other than the weight and the damping of joints; by differences where joints are driven.
+    fn partials(&self, w: &mut TreeWorkspace, t: f64, x: &TreeState, out: &mut Partials<Coordinates>) {
+        if self.is_driven() {
+            return out.by_differences(x, |x, acceleration| self.acceleration(w, t, x, acceleration));
+        }
+        let mut variation = w.variation.take().unwrap_or_else(|| Box::new(self.variation()));
+        let found = self.keep(self.dynamics(w, t, x).map(|_| ()));
+        if found.is_some() && self.linearize(w, &mut variation, &x.configuration) {
+            let q = &x.configuration;
+            out.by_columns(|tangent, change| {
+                self.vary(&mut variation, t, q, tangent);
+                self.acceleration_change(&mut variation, q, change);
+            });
+        } else {
+            out.matrices_mut().into_iter().for_each(|matrix| matrix.fill(f64::NAN));
+        }
+        w.variation = Some(variation);
     }
 
     fn take_fault(&self) -> Option<Fault> {

@@ -1,5 +1,6 @@
 //! Room for the equations of motion of a tree.
 
+use super::TreeVariation;
 use crate::data::Data;
 use crate::model::Model;
 use crate::spatial::Force;
@@ -13,6 +14,8 @@ pub struct TreeWorkspace {
     pub(crate) torque: Vec<f64>,
     /// Empty where the forces have none.
     pub(crate) wrenches: Vec<Force<f64>>,
+    /// For derivatives, made where they are first wanted.
+    pub(super) variation: Option<Box<TreeVariation>>,
 }
 
 impl TreeWorkspace {
@@ -25,6 +28,7 @@ impl TreeWorkspace {
             acceleration: vec![0.0; n],
             torque: vec![0.0; n],
             wrenches: vec![Force::zero(); n_wrenches],
+            variation: None,
         }
     }
 }

@@ -31,6 +31,15 @@ impl Vector {
 }
 
 impl Rate for Vector {
+    fn dimension(&self) -> usize {
+        self.0.len()
+    }
+    fn write(&self, out: &mut [f64]) {
+        out.copy_from_slice(&self.0);
+    }
+    fn read(&mut self, numbers: &[f64]) {
+        self.0.copy_from_slice(numbers);
+    }
     fn assign(&mut self, other: &Self) {
         self.0.copy_from_slice(&other.0);
     }

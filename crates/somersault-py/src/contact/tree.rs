@@ -18,7 +18,7 @@ use somersault::contact::event::EventKind;
 use somersault::contact::laws::ContactLaw;
 use somersault::contact::tree::{self, ContactState, TouchingState, TreeInContact};
 use somersault::integrators::augmented::Augmented;
-use somersault::integrators::events;
+use somersault::integrators::events::{self, Hybrid};
 use somersault::integrators::nalgebra::Vector3;
 use somersault::multibody;
 use somersault::multibody::motion::{Coordinates, JointDrive, TreeForces, TreeSystem};
@@ -664,6 +664,47 @@ impl TreeContacts {
             write(&found, &mut numbers);
             Ok(array(py, numbers, &[found.nrows(), found.ncols()])?)
         })
+    }
+
+    /// How stiff the contacts are that touch in a state: an upper bound of |λ| of the springs and dampers of contacts and friction
+    /// with the masses that they move.
+    ///
+    /// With k and c over the effective mass 1/(n J M⁻¹ Jᵀ n) it is √(k/m) where the contact oscillates, c/m where it is damped
+    /// beyond that. Explicit methods are stable for steps of up to about 2.8 over it; `rkmk5` and `rkmk8` with ``rtol`` take no longer
+    /// ones, and a fixed ``dt`` is divided. Where that makes many steps, take ``method='radau5'``, which needs none.
+    ///
+    /// Parameters
+    /// ----------
+    /// q, v : array_like, shape (n_positions,) and (n_velocities,)
+    ///     Configuration and velocity.
+    /// stretches : {'loaded'} or array_like, shape (contacts, 3), optional
+    ///     Stretches of friction, m, world frame; unstretched unless given.
+    ///
+    /// Returns
+    /// -------
+    /// float
+    ///     1/s; zero where nothing touches.
+    ///
+    /// Examples
+    /// --------
+    /// The foot of the leg, with 150 N s/m on a shank of 0.5 kg:
+    ///
+    /// >>> import numpy as np
+    /// >>> from somersault import contact
+    /// >>> leg = contact.hopping_leg()
+    /// >>> feet = contact.TreeContacts(leg.model, leg.contacts)
+    /// >>> rate = feet.stiffest_rate((0, 0.5, 0, 0.6, -1.2), np.zeros(5))
+    /// >>> round(2.8 / rate, 4)
+    /// 0.0029
+    #[pyo3(signature = (q, v, stretches=None))]
+    fn stiffest_rate<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+        stretches: Option<&Bound<'py, PyAny>>,
+    ) -> Result<f64, Error> {
+        self.with(py, (q, Some(v)), stretches, |system, x| Ok(system.stiffest_rate(&system.mode(0.0, x), x)))
     }
 
     /// Kinetic energy, potential energy of the weight, and energy of the springs of contacts and friction.

@@ -50,6 +50,9 @@ value! {
         embedded_order: Option<u8> = |own| own.0.info().embedded;
         /// bool: Whether each step solves an equation.
         implicit: bool = |own| own.0.info().implicit;
+        /// bool: Whether it is L-stable: steps may be far longer than the times of the springs and dampers of a system, whose
+        /// motion it then damps.
+        l_stable: bool = |own| own.0.info().l_stable;
         /// str: What it conserves, and how well.
         conserves: &'static str = |own| own.0.info().conserves;
         /// str: What it is unsuitable for, and what it refuses.

@@ -292,7 +292,7 @@ impl TreeSolution {
 ///     Step, s; without it steps are adapted.
 /// method : str or MethodInfo, optional
 ///     A method of the table whose scope is any system, in the world's variables; ``"rkmk"`` unless given,
-///     or ``"rkmk8"`` where steps are adapted.
+///     or ``"rkmk8"`` where steps are adapted. ``"radau5"`` is for stiff joints and contacts of light feet.
 /// torque : array_like, shape (n_velocities,), or callable, optional
 ///     Joint forces, or ``f(t, q, v)`` that returns them; none unless given.
 /// active : sequence of str, or array_like of bool, shape (n_velocities,), optional

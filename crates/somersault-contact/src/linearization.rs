@@ -27,8 +27,8 @@ use somersault_integrators::variation::Tangent;
 
 /// What the derivatives of a contact in a state need.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Linearization {
-    pub(super) at: Encounter,
+pub(crate) struct Linearization {
+    pub(crate) at: Encounter,
     arm: Vector3<f64>,
     centre: Vector3<f64>,
     axis: Vector3<f64>,
@@ -51,15 +51,15 @@ fn hessian_change(contact: &Contact, place: &Vector3<f64>, way: &Vector3<f64>) -
 }
 
 /// Derivative of an encounter, and of the lever arm.
-pub(super) struct Change {
-    pub(super) at: Encounter,
-    pub(super) arm: Vector3<f64>,
+pub(crate) struct Change {
+    pub(crate) at: Encounter,
+    pub(crate) arm: Vector3<f64>,
 }
 
 impl Linearization {
     /// Of a contact on a carrier of some mass, kg.
     #[inline]
-    pub(super) fn new<C: Carrier>(contact: &Contact, mass: f64, x: &C) -> Self {
+    pub(crate) fn new<C: Carrier>(contact: &Contact, mass: f64, x: &C) -> Self {
         let (at, arm) = contact.meet_on(mass, x);
         let centre = x.turned(contact.shape().centre());
         let axis = match contact.shape() {
@@ -82,7 +82,7 @@ impl Linearization {
 
     /// The derivative along a tangent.
     #[inline]
-    pub(super) fn along(&self, contact: &Contact, tangent: &Tangent<Twist>) -> Change {
+    pub(crate) fn along(&self, contact: &Contact, tangent: &Tangent<Twist>) -> Change {
         let (turn, rate) = (&tangent.displacement.angular, &tangent.rate);
         let normal = &self.at.normal;
         let centre_change = turn.cross(&self.centre);
@@ -131,13 +131,13 @@ impl Linearization {
 
     /// The wrench about the centre of mass of an effort at the point of contact.
     #[inline]
-    pub(super) fn wrench(&self, effort: &Wrench) -> Twist {
+    pub(crate) fn wrench(&self, effort: &Wrench) -> Twist {
         Twist { linear: effort.force, angular: self.arm.cross(&effort.force) + effort.torque }
     }
 
     /// The derivative of that.
     #[inline]
-    pub(super) fn wrench_change(
+    pub(crate) fn wrench_change(
         &self,
         arm_change: &Vector3<f64>,
         effort: &Wrench,

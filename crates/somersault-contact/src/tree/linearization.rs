@@ -7,16 +7,35 @@
 //! ```
 //! Of two spheres with the span d n between their centres, δn = (δs − n (n · δs))/d.
 
-use super::contact::Linearization;
+use super::contacts::TreeContacts;
 use crate::bodies::{Hold, Part, SpherePair};
 use crate::carrier::{Carrier, Frame};
 use crate::laws::Encounter;
-use crate::tree::TreeContacts;
+use crate::linearization::Linearization;
 use nalgebra::Vector3;
 use somersault_integrators::force::Wrench;
 use somersault_integrators::state::Twist;
 use somersault_integrators::variation::Tangent;
 use somersault_multibody::Force;
+use somersault_multibody::motion::{TreeVariation, TreeWorkspace};
+
+/// Room for a tree linearised in a state.
+#[derive(Debug)]
+pub struct TreeRoom {
+    pub(super) tree: TreeWorkspace,
+    pub(super) variation: TreeVariation,
+    pub(super) frames: Vec<Frame>,
+    pub(super) contacts: Vec<Option<LinkLinearization>>,
+}
+
+impl TreeRoom {
+    /// Adds a change of a joint force.
+    pub(crate) fn add_joint_force(&mut self, dof: usize, change: f64) {
+        if let Some(force) = self.variation.torque_mut().get_mut(dof) {
+            *force += change;
+        }
+    }
+}
 
 /// A contact of links in a state, with what its derivatives there need.
 #[derive(Debug, Clone, Copy)]
