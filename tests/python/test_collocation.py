@@ -293,8 +293,9 @@ def test_phases_that_do_not_fit_are_refused() -> None:
 
 
 def test_problems_and_results_of_phases_are_saved(tmp_path: Path) -> None:
-    problem = two_phases([0.3, None], [None, None], (0.5, (0.4, 0.6)), [{"v_block": (0, 0.1)}])
+    problem = two_phases([0.3, None], [None, None], (0.5, 0.5), [{"v_block": (0, 0.1)}])
     found = problem.solve()
+    assert found.success
     somersault.save(tmp_path / "phases.som", found)
     back = somersault.load(tmp_path / "phases.som")
     assert repr(back) == repr(found)

@@ -103,12 +103,12 @@ def cluster() -> Iterator[Any]:
 
 @pytest.fixture
 def doomed_cluster() -> Iterator[Any]:
-    """One whose processes may be killed, where a task is not tried again: Dask starts no others after some dozens of deaths."""
-    distributed = pytest.importorskip("distributed", reason="Dask is not installed (extra `dask`)")
-    with (
-        distributed.config.set({"distributed.scheduler.allowed-failures": 0}),
-        local_cluster() as found,
-    ):
+    """One whose processes may be killed; after dozens of deaths Dask starts no others."""
+    # Dask has all of its settings once this is imported. Tasks are not tried again: few processes die.
+    pytest.importorskip("distributed", reason="Dask is not installed (extra `dask`)")
+    import dask.config
+
+    with dask.config.set({"distributed.scheduler.allowed-failures": 0}), local_cluster() as found:
         yield found
 
 
