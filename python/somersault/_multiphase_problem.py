@@ -76,9 +76,10 @@ class MultiphaseProblem:
         horizons, last = [], (self._phases[0]._start,) * 2
         for k, phase in enumerate(self._phases):
             horizons.append(phase._horizon(*last))
-            last = horizons[-1][1]
-            if k:
+            # After a fixed start the bounds of the end are those of the duration, and rows would repeat them.
+            if last[0] < last[1]:
                 linked.append((k, k, "duration", 0, 0, phase._duration))
+            last = horizons[-1][1]
         self._posed = _extension.TracedProblem([phase._phase for phase in self._phases], horizons, linked)
 
     @property

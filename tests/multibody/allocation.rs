@@ -1,5 +1,6 @@
 //! No allocation per step of a tree, nor by its dynamics and their partials.
 
+use crate::{Drive, Torques};
 use somersault::integrators::stepper::{Scope, Variables};
 use somersault::multibody::flight::{Flight, FlightSystem, TakeOff};
 use somersault::multibody::motion::{BodyWrenches, Coordinates, TreeForces, TreeState, TreeSystem};
@@ -56,9 +57,9 @@ fn no_step_allocates_for_a_tree_or_its_flight() {
     let model = humanoid().unwrap();
     let n = model.n_velocities();
     let start = model.state(&model.neutral(), &vec![0.3; n]).unwrap();
-    let free = TreeSystem::new(&model, Steady);
+    let free = TreeSystem::new(&model, Box::new(Steady) as Torques);
     let split = Split::new((0..n).map(|k| k >= 6).collect());
-    let drive = |t: f64, _: &[f64], _: &[f64], a: &mut [f64]| a.fill(t);
+    let drive: Drive<'_> = Box::new(|t: f64, _: &[f64], _: &[f64], a: &mut [f64]| a.fill(t));
     let driven = TreeSystem::new(&model, ()).driven(split, drive).unwrap();
     let take_off = TakeOff {
         time: 0.0,

@@ -1,5 +1,6 @@
 //! Momentum-reduced flight: conservation, closed forms, full dynamics, derivatives, bad input.
 
+use crate::Drive;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use num_dual::Dual64;
 use somersault::integrators::driver::IntegrateError;
@@ -215,7 +216,9 @@ fn difference_from_full_dynamics(model: &Model, random: &mut Random) -> f64 {
     let (q, v) = system.complete(&mut w, 1.0, &end.state).unwrap();
     let n_root = model.velocities_of(0).end;
     let split = Split::new((0..model.n_velocities()).map(|k| k >= n_root).collect());
-    let drive = |t: f64, _: &[f64], _: &[f64], a: &mut [f64]| shape_acceleration(&swing, t, &mut a[n_root..]);
+    let drive: Drive<'_> = Box::new(|t: f64, _: &[f64], _: &[f64], a: &mut [f64]| {
+        shape_acceleration(&swing, t, &mut a[n_root..]);
+    });
     let full = TreeSystem::new(model, ()).driven(split, drive).unwrap();
     let full_end =
         Run::new(&full, Method::Rkmk8, Steps::adapted((0.0, 1.0), control)).from(&full_start).unwrap();

@@ -1,5 +1,6 @@
 //! Motion of trees by the integrators: orders, closed forms, conservation, bad input.
 
+use crate::{Drive, Torques};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use somersault::integrators::driver::IntegrateError;
 use somersault::integrators::exact::FreeBody;
@@ -161,12 +162,12 @@ fn tumbling(model: &Model) -> TreeState {
 fn every_general_method_moves_a_floating_tree_at_its_order() {
     let model = floating_tree(Vector3::new(0.0, 0.0, -9.81));
     // joint torques that depend on position, velocity and time
-    let torque = |t: f64, q: &[f64], v: &[f64], torque: &mut [f64]| {
+    let torque: Torques = Box::new(|t: f64, q: &[f64], v: &[f64], torque: &mut [f64]| {
         for k in 6..12 {
             torque[k] += 0.3 * (2.0 * t + k as f64).sin() - 0.1 * v[k];
         }
         torque[12] -= 0.5 * q[15];
-    };
+    });
     let system = TreeSystem::new(&model, torque);
     let start = tumbling(&model);
     let end = run(&system, Method::Rkmk8, &start, 1.0, 2000);
@@ -318,7 +319,7 @@ fn power_of_torques_wrenches_and_gravity_is_the_change_of_energy_along_a_run() {
         }
     }
     let model = floating_tree(Vector3::new(0.0, 0.0, -9.81));
-    let system = TreeSystem::new(&model, Push);
+    let system = TreeSystem::new(&model, Box::new(Push) as Torques);
     let start = tumbling(&model);
     let power = |t: f64, x: &TreeState| {
         let mut v = vec![0.0; model.n_velocities()];
@@ -348,8 +349,9 @@ fn a_cart_pendulum_moves_as_the_corrected_equations_of_appendix_a_say() {
     let p = CartPendulum { cart_mass: 1.5, mass: 0.7, length: 0.8, gravity: 9.81 };
     let model = p.model().unwrap();
     let force = |t: f64| 3.0 * (2.0 * t).sin();
-    let system =
-        TreeSystem::new(&model, |t: f64, _: &[f64], _: &[f64], torque: &mut [f64]| torque[0] += force(t));
+    let pushed: Torques =
+        Box::new(move |t: f64, _: &[f64], _: &[f64], torque: &mut [f64]| torque[0] += force(t));
+    let system = TreeSystem::new(&model, pushed);
     let start = model.state(&[0.1, 0.3], &[0.2, -0.5]).unwrap();
     let end = run(&system, Method::Rkmk8, &start, 2.0, 400);
     // the 2 × 2 equations, solved by hand, by the classic method of order four
@@ -383,7 +385,8 @@ fn driven_joints_follow_their_accelerations_and_say_what_force_that_takes() {
     let model = TwoLinkArm::default().model().unwrap();
     let split = Split::try_active(&model, &["upper"]).unwrap();
     // θ₁ = 0.4 − 0.4 cos 3t
-    let drive = |t: f64, _: &[f64], _: &[f64], a: &mut [f64]| a[0] = 3.6 * (3.0 * t).cos();
+    let drive: Drive<'_> =
+        Box::new(|t: f64, _: &[f64], _: &[f64], a: &mut [f64]| a[0] = 3.6 * (3.0 * t).cos());
     let system = TreeSystem::new(&model, ()).driven(split, drive).unwrap();
     let start = model.state(&[0.0, 0.2], &[0.0, 0.0]).unwrap();
     let end = run(&system, Method::Rkmk8, &start, 2.0, 200);
@@ -430,8 +433,9 @@ fn stiff_joints_take_steps_of_the_motion() {
     let light = MassProperties::point(1e-4, -Vector3::z() * 0.1);
     builder.add(Link::child("lower", "upper", hinge, light).at(-Vector3::z()).with_damping(0.1)).unwrap();
     let model = builder.build().unwrap();
-    let spring =
-        |t: f64, q: &[f64], _: &[f64], torque: &mut [f64]| torque[1] -= 50.0 * (q[1] - (3.0 * t).sin());
+    let spring: Torques = Box::new(|t: f64, q: &[f64], _: &[f64], torque: &mut [f64]| {
+        torque[1] -= 50.0 * (q[1] - (3.0 * t).sin());
+    });
     let system = TreeSystem::new(&model, spring);
     let start = model.state(&[1.2, 0.0], &[0.0, 0.0]).unwrap();
     let reference = run(&system, Method::Rkmk8, &start, 1.0, 100_000);
@@ -514,7 +518,9 @@ fn a_short_step_of_any_tree_is_what_its_accelerations_say() {
         let q = random_configuration(&mut random, &model).unwrap();
         let (v, torque) = (random.numbers(dofs, 2.0), random.numbers(dofs, 1.0));
         let a = model.forward_dynamics(&mut Data::new(&model), &q, &v, &torque, &[]).unwrap().to_vec();
-        let push = |_: f64, _: &[f64], _: &[f64], out: &mut [f64]| out.copy_from_slice(&torque);
+        let given = torque.clone();
+        let push: Torques =
+            Box::new(move |_: f64, _: &[f64], _: &[f64], out: &mut [f64]| out.copy_from_slice(&given));
         let system = TreeSystem::new(&model, push);
         let start = model.state(&q, &v).unwrap();
         let off = |h: f64| {

@@ -292,6 +292,17 @@ def test_phases_that_do_not_fit_are_refused() -> None:
         two_phases([0.3, None], [0.4, None], (0.5, 0.5))
 
 
+def test_a_duration_with_bounds_after_a_fixed_one_ends_at_its_bound() -> None:
+    found = two_phases([0.3, None], [None, None], (0.5, (0.4, 0.6))).solve()
+    # Both efforts are quadratic in the speed at the waypoint.
+    first, second, both = (
+        least_effort(0.3, 0.5, (0.0, v)) + least_effort(0.7, 0.6, (v, 0.0)) for v in (-1.0, 1.0, 0.0)
+    )
+    slope, curvature = (second - first) / 2, first + second - 2 * both
+    assert found.success and found.phases[1].t[-1] == pytest.approx(1.1, abs=1e-12)
+    assert found.cost == pytest.approx(both - slope**2 / (2 * curvature), abs=1e-8)
+
+
 def test_problems_and_results_of_phases_are_saved(tmp_path: Path) -> None:
     problem = two_phases([0.3, None], [None, None], (0.5, 0.5), [{"v_block": (0, 0.1)}])
     found = problem.solve()

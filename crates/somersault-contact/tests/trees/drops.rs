@@ -3,6 +3,7 @@
 //! A step whose contacts are all open at both ends is made again without contacts in short parts by another method, and the
 //! gaps are looked at in between.
 
+use crate::Torques;
 use nalgebra::Vector3;
 use somersault_contact::contacts::Contact;
 use somersault_contact::laws::compliant::CompliantLaw;
@@ -18,7 +19,7 @@ use somersault_integrators::events::{Interruption, Location};
 use somersault_integrators::methods::Method;
 use somersault_integrators::run::Run;
 use somersault_integrators::state::State;
-use somersault_multibody::motion::{Coordinates, TreeForces, TreeSystem};
+use somersault_multibody::motion::{Coordinates, TreeSystem};
 use somersault_multibody::{Joint, Link, Model};
 use somersault_testkit::trees::Random;
 use std::sync::Arc;
@@ -77,9 +78,6 @@ fn tree(random: &mut Random, n: usize) -> Model {
     }
     builder.build().unwrap()
 }
-
-/// No torque, said to be none or not.
-type Torques = Box<dyn TreeForces + Send + Sync>;
 
 struct Watch<'a> {
     system: &'a TreeInContact<'a, Torques>,

@@ -1,5 +1,6 @@
 //! Energy: kept without damping, and never created.
 
+use crate::Torques;
 use crate::scenes::{chain, chain_start};
 use crate::slider::LEG;
 use nalgebra::Vector3;
@@ -65,7 +66,8 @@ fn energy_is_never_created() {
     let law = CompliantLaw::try_new(2e4, 30.0).unwrap();
     let contact = Contact::try_new(Vector3::zeros(), Arc::new(HalfSpace::ground()), law).unwrap();
     let contacts = vec![LinkContact::new("foot", "foot", contact)];
-    let system = TreeInContact::try_new(TreeSystem::new(&model, LEG), contacts, vec![]).unwrap();
+    let system =
+        TreeInContact::try_new(TreeSystem::new(&model, Box::new(LEG) as Torques), contacts, vec![]).unwrap();
     let start = system.unstretched(model.state(&[0.8, 0.0], &[0.0, 0.0]).unwrap());
     let mut falls = Falls { system: &system, last: system.ledger(&start).total(), scale: 0.0, steps: 0 };
     let first = falls.last;

@@ -1,5 +1,6 @@
 //! Derivatives of motions of trees through contacts: differences of runs, and the derivative of a body.
 
+use crate::Torques;
 use crate::scenes::{chain, chain_start};
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, UnitQuaternion, Vector3};
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
@@ -151,16 +152,12 @@ fn derivatives_of_a_bouncing_chain_are_differences_of_runs() {
 }
 
 /// The leg, with a constant force of a joint.
-fn leg_in<'m>(
-    leg: HoppingLeg,
-    model: &'m Model,
-    (joint, force): (usize, f64),
-) -> TreeInContact<'m, impl TreeForces + use<'m>> {
+fn leg_in<'m>(leg: HoppingLeg, model: &'m Model, (joint, force): (usize, f64)) -> TreeInContact<'m, Torques> {
     let (contacts, actuators) = (leg.contacts().unwrap(), leg.system().unwrap().actuators);
-    let torques = move |t: f64, q: &[f64], v: &[f64], torque: &mut [f64]| {
+    let torques: Torques = Box::new(move |t: f64, q: &[f64], v: &[f64], torque: &mut [f64]| {
         actuators.add_torque(t, q, v, torque);
         torque[joint] += force;
-    };
+    });
     TreeInContact::try_new(TreeSystem::new(model, torques), contacts, vec![]).unwrap()
 }
 

@@ -3,6 +3,7 @@
 //! The foot weighs 1 g, so that the contact and the leg's damping make rates λ of 10⁵/s: explicit methods are stable for steps
 //! of up to 2.8/|λ|.
 
+use crate::Torques;
 use crate::gradients::touching_links;
 use crate::orders::median_order;
 use crate::slider::Slider;
@@ -35,7 +36,8 @@ const LIGHT: Slider = Slider { body: 60.0, foot: 1e-3, spring: 2e4, damping: 100
 #[test]
 fn a_light_foot_on_a_slider_takes_steps_of_the_motion_at_order_5() {
     let model = LIGHT.model();
-    let system = TreeInContact::try_new(TreeSystem::new(&model, LIGHT), LIGHT.contacts(), vec![]).unwrap();
+    let tree = TreeSystem::new(&model, Box::new(LIGHT) as Torques);
+    let system = TreeInContact::try_new(tree, LIGHT.contacts(), vec![]).unwrap();
     let start = system.unstretched(model.state(&[0.55, 0.0], &[0.3, 0.0]).unwrap());
     let (times, end) = LIGHT.reference(&Slider::heights(&start), 1.5);
     // Of heights and rates, and the largest of the times of events.
@@ -238,8 +240,9 @@ fn derivatives_by_the_implicit_method_are_those_of_an_explicit_one() {
 fn an_unsolved_step_is_made_shorter_or_named() {
     let model = LIGHT.model();
     // The leg's force is a number at the first times only.
-    let broken =
-        |t: f64, _: &[f64], _: &[f64], torque: &mut [f64]| torque[1] += if t < 0.01 { 0.0 } else { f64::NAN };
+    let broken: Torques = Box::new(|t: f64, _: &[f64], _: &[f64], torque: &mut [f64]| {
+        torque[1] += if t < 0.01 { 0.0 } else { f64::NAN };
+    });
     let system = TreeInContact::try_new(TreeSystem::new(&model, broken), LIGHT.contacts(), vec![]).unwrap();
     let start = system.unstretched(model.state(&[0.55, 0.0], &[0.3, 0.0]).unwrap());
     let adapted = Steps::adapted((0.0, 1.0), Adaptive::default());

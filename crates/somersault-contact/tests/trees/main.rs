@@ -18,7 +18,11 @@ mod shots;
 mod slider;
 mod standing;
 
+use somersault_multibody::motion::TreeForces;
 use somersault_testkit::allocations::Counting;
+
+/// Any forces of joints, as one type: all methods are compiled for each type of forces.
+type Torques = Box<dyn TreeForces + Send + Sync>;
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;

@@ -1,5 +1,6 @@
 //! Forces, Jacobians and a pose at rest, against dynamics.
 
+use crate::Torques;
 use crate::scenes::chain;
 use nalgebra::{DVector, Vector3};
 use somersault_contact::ContactError;
@@ -98,10 +99,10 @@ fn a_pose_at_rest_stays_at_rest() {
     let model = leg.model().unwrap();
     // Springs hold hip and knee.
     let (hip, knee) = (0.6, -1.2);
-    let springs = |_: f64, q: &[f64], v: &[f64], torque: &mut [f64]| {
+    let springs: Torques = Box::new(move |_: f64, q: &[f64], v: &[f64], torque: &mut [f64]| {
         torque[3] += 300.0 * (hip - q[3]) - 6.0 * v[3];
         torque[4] += 300.0 * (knee - q[4]) - 6.0 * v[4];
-    };
+    });
     let law = ContactLaw::from(leg.law).with_friction(leg.friction);
     let ground = Arc::new(HalfSpace::ground());
     let at = |name: &str, link: &str, place: Vector3<f64>| {

@@ -3,6 +3,7 @@
 //! Until it touches a tree flies freely. Its free motion in short steps by another method has the least gap: a shot in which
 //! that is deeper than the spacing of the samples can hide must have an event, one in which it stays larger must have none.
 
+use crate::Torques;
 use nalgebra::Vector3;
 use somersault_contact::contacts::Contact;
 use somersault_contact::laws::compliant::CompliantLaw;
@@ -14,7 +15,7 @@ use somersault_integrators::driver::{Adaptive, Flow, Observer, Status, Step, Ste
 use somersault_integrators::events::Location;
 use somersault_integrators::methods::Method;
 use somersault_integrators::run::Run;
-use somersault_multibody::motion::{Coordinates, TreeForces, TreeSystem};
+use somersault_multibody::motion::{Coordinates, TreeSystem};
 use somersault_multibody::{Joint, Link, Model};
 use somersault_testkit::trees::Random;
 use std::sync::Arc;
@@ -23,8 +24,6 @@ const END: f64 = 0.25;
 const SHORT: f64 = 2.5e-4;
 /// The depth that the spacing of the samples can hide, m.
 const HIDDEN: f64 = 2e-4;
-
-type Torques = Box<dyn TreeForces + Send + Sync>;
 
 /// A sphere without a bound of its second derivative.
 #[derive(Debug)]

@@ -1,5 +1,6 @@
 //! A leg on a slider spring, whose motion is piecewise linear: matrix exponentials give it to any digit.
 
+use crate::Torques;
 use nalgebra::{Matrix5, Vector3, Vector4};
 use somersault_contact::contacts::Contact;
 use somersault_contact::laws::compliant::CompliantLaw;
@@ -122,7 +123,8 @@ impl Slider {
 #[test]
 fn a_leg_on_a_slider_spring_is_that_of_matrix_exponentials() {
     let model = LEG.model();
-    let system = TreeInContact::try_new(TreeSystem::new(&model, LEG), LEG.contacts(), vec![]).unwrap();
+    let tree = TreeSystem::new(&model, Box::new(LEG) as Torques);
+    let system = TreeInContact::try_new(tree, LEG.contacts(), vec![]).unwrap();
     // The body at 0.8 m, the leg 0.01 m longer than at rest.
     let start = system.unstretched(model.state(&[0.8, 0.01], &[0.3, 0.0]).unwrap());
     let (times, end) = LEG.reference(&Slider::heights(&start), 1.5);

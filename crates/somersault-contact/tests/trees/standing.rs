@@ -1,5 +1,6 @@
 //! A quadruped and a biped that stand: at rest to rounding on level ground and below the angle of friction, and sliding above it.
 
+use crate::Torques;
 use nalgebra::{DMatrix, DVector, Vector3};
 use somersault_contact::event::EventKind;
 use somersault_contact::laws::ContactMode;
@@ -52,12 +53,13 @@ struct Scene {
 
 impl Scene {
     /// The joints are held so that they balance the weight in the pose of the guess, with forces on all feet along the weight.
-    fn system(&self) -> TreeInContact<'_, Held> {
+    fn system(&self) -> TreeInContact<'_, Torques> {
         let (model, [position, velocity]) = (&self.model, self.from);
         let mut angles = self.guess[position..].to_vec();
         let torques = self.balance();
         angles.iter_mut().zip(&torques.as_slice()[velocity..]).for_each(|(x, y)| *x += y / self.stiffness);
-        let held = Held { from: self.from, angles, stiffness: self.stiffness, damping: self.damping };
+        let (stiffness, damping) = (self.stiffness, self.damping);
+        let held: Torques = Box::new(Held { from: self.from, angles, stiffness, damping });
         TreeInContact::try_new(TreeSystem::new(model, held), self.contacts.clone(), vec![]).unwrap()
     }
 
@@ -104,7 +106,11 @@ fn biped(slope: f64) -> Scene {
     Scene { model, contacts, guess, from: [3, 3], stiffness: 1e4, damping: 100.0 }
 }
 
-fn run(system: &TreeInContact<'_, Held>, from: &TouchingState, time: f64) -> (TouchingState, Vec<EventKind>) {
+fn run(
+    system: &TreeInContact<'_, Torques>,
+    from: &TouchingState,
+    time: f64,
+) -> (TouchingState, Vec<EventKind>) {
     let steps = Steps::adapted((0.0, time), Adaptive::with_tolerances(1e-10, 1e-12));
     let end = Run::new(system, Method::Rkmk8, steps).locating(Location::default()).from(from).unwrap();
     (end.state, end.events.iter().map(|event| event.kind).collect())
