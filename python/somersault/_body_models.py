@@ -154,6 +154,7 @@ _FAULTS = (
     TypeError,
     EOFError,
     KeyError,
+    # a way to compress or to encrypt that the archive's reader does not know
     NotImplementedError,
     RuntimeError,
     SyntaxError,

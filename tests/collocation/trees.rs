@@ -290,7 +290,7 @@ fn a_chain_of_driven_hinges_is_polished() {
 }
 
 #[test]
-#[ignore = "takes five seconds"]
+#[ignore = "long form of `a_chain_of_driven_hinges_is_polished`: four hinges, 5 s: `make studies` runs it"]
 fn a_chain_of_four_driven_hinges_is_polished() {
     let found = turned_chain(4);
     assert!(found.verdict == Verdict::StrictMinimum && found.residual < 1e-10, "{}", found.verdict);

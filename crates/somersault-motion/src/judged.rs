@@ -115,7 +115,7 @@ pub enum JudgedError {
         before: usize,
     },
     /// A file has no known ending.
-    #[error("line {line} of the list: `{file}` is none of {}", format_names())]
+    #[error("line {line} of the list: `{file}` has none of the known formats: {}", format_names())]
     UnknownFormat {
         /// Line in the list, from 1.
         line: usize,

@@ -166,7 +166,7 @@ fn parse(text: &str, choices: &Choices, repairs: &mut Repairs) -> Result<Parsed,
         return Err(ReadError::NoRate { format: "a table without a column `time`" });
     }
     let times = match rate {
-        // a table without times is none in which times lack
+        // without a column of times the rate gives all of them
         Some(rate) if times.iter().all(Option::is_none) => {
             (0..times.len()).map(|i| i as f64 / rate).collect()
         }

@@ -218,7 +218,7 @@ pub enum LoadError {
         reason: String,
     },
     /// Neither what the file has nor the ending of its name is of a format.
-    #[error("`{}` begins with `{found}`, which is none of {}", path.display(), format_names())]
+    #[error("`{}` begins with `{found}` and has none of the known formats: {}", path.display(), format_names())]
     UnknownFormat {
         /// The path.
         path: PathBuf,

@@ -145,6 +145,7 @@ impl Header {
                     }
                 }
             }
+            // versions, units and remarks of the programs that wrote the file: the table does not depend on them
             _ => {}
         }
         Ok(())

@@ -9,7 +9,7 @@
 //!
 //! Names are the file's, where it has them, and otherwise those of the number of points: 17 of COCO, 18 of OpenPose's model of COCO, 25
 //! of BODY_25, 26 of HALPE-26, 33 of MediaPipe. A point at the origin of a confidence of 0 was not found. The weight of a point
-//! is its confidence, or half of COCO's visibility; 1 where there is none. Coordinates stay as they are: pixels, fractions of the
+//! is its confidence, or half of COCO's visibility; 1 if the file has neither. Coordinates stay as they are: pixels, fractions of the
 //! picture, or metres; [`KeypointRecording::markers`] makes markers of them.
 //!
 //! Files have no times, but for a `timestamp` or `time` (s) or `timestamp_ms` of each frame, or a rate, `fps`, of all: the caller
@@ -584,13 +584,18 @@ impl File {
                 // MMPose has lists of one frame in a list
                 Value::Array(inner) if !is_points(inner) => {
                     for value in inner {
-                        if let Value::Object(object) = value {
-                            people.extend(self.person(object)?);
+                        match value {
+                            Value::Object(object) => people.extend(self.person(object)?),
+                            other => return Err(unexpected(Place::Line(1), &other.to_string(), "a person")),
                         }
                     }
                 }
                 Value::Array(_) => people.extend(points(value, None, None)?),
-                _ => {}
+                // nobody was seen
+                Value::Null => {}
+                Value::Bool(_) | Value::Number(_) | Value::String(_) => {
+                    return Err(unexpected(Place::Line(1), &value.to_string(), "a person"));
+                }
             }
         }
         Ok(people)

@@ -3,7 +3,7 @@
 use super::{RecordingError, expect_times, expect_unique};
 use somersault_core::argument::expect_length;
 
-/// Channels by name, frames by time, and the number of each channel in each frame, NaN where there is none.
+/// Channels by name, frames by time, and the number of each channel in each frame, NaN where a value is missing.
 #[derive(Debug, Clone)]
 pub struct ChannelRecording {
     names: Vec<String>,

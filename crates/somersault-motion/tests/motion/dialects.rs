@@ -87,7 +87,7 @@ fn a_file_is_known_by_what_it_has() {
     assert_eq!(file.repairs[0].what, "the name is that of CSV or TSV, but the file is TRC");
     let found =
         read_with(b"\x89PNG\x0d\x0a\x1a\x0a\0\0\0\rIHDR", &ReadOptions::default()).unwrap_err().to_string();
-    let known = "none of C3D, TRC, BVH, motions of DeepMimic, key points (JSON), MOT or STO and CSV or TSV";
+    let known = "none of the known formats: C3D, TRC, BVH, motions of DeepMimic, key points (JSON), MOT or STO and CSV or TSV";
     assert!(found.ends_with(known), "{found}");
     assert!(FORMATS.iter().all(|format| format.endings.iter().all(|ending| format_of(ending).is_some())));
 }

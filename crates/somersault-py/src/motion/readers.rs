@@ -46,9 +46,12 @@ fn unloaded(error: LoadError) -> Error {
             let name = path.display().to_string();
             Failed { error: source, name: (!name.is_empty()).then_some(name) }.into()
         }
-        LoadError::UnknownFormat { ref path, ref found } if path.as_os_str().is_empty() => Error::input(
-            format!("`source` begins with `{found}`, which is none of {}", readers::format_names()),
-        ),
+        LoadError::UnknownFormat { ref path, ref found } if path.as_os_str().is_empty() => {
+            Error::input(format!(
+                "`source` begins with `{found}` and has none of the known formats: {}",
+                readers::format_names()
+            ))
+        }
         LoadError::UnknownFormat { .. } => Error::input(format!("`source`: {error}")),
         LoadError::Io { .. } => Error::of_system(error.to_string()),
         _ => Error::read(error.to_string()),

@@ -28,7 +28,7 @@ pub struct ForcePlate {
     pub origin: [f64; 3],
     /// Numbers of its analog channels, from 0.
     pub channels: Vec<usize>,
-    /// Of types 4 and others: the matrix from channels to forces and moments, column by column; empty where there is none.
+    /// The matrix from channels to forces and moments, column by column; empty if the file declares no such matrix.
     pub calibration: Vec<f64>,
 }
 

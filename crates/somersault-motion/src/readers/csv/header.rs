@@ -257,6 +257,7 @@ impl Header {
                             Some(unit.ok_or_else(|| unexpected(*place, &pair[1], LengthUnit::NAMES))?);
                     }
                     "format version" => self.up = Axis::PlusY,
+                    // the name and the time of the take, and how it was exported: the recording does not depend on them
                     _ => {}
                 }
             }
