@@ -37,9 +37,9 @@ impl Dynamics for Pull {
     }
 }
 
-/// Hinges about z with links of 1 kg and 0.5 m along −y.
-fn chain(n: usize) -> Model {
-    let mut builder = ModelBuilder::new().with_gravity(Vector3::zeros());
+/// Hinges about z with links of 1 kg and 0.5 m along −y, the weight's direction.
+pub(crate) fn chain(n: usize, gravity: f64) -> Model {
+    let mut builder = ModelBuilder::new().with_gravity(-gravity * Vector3::y());
     let joint = Joint::Revolute { axis: Vector3::z() };
     let rod = || MassProperties::rod(1.0, Vector3::zeros(), -0.5 * Vector3::y());
     builder.add(Link::root("0", joint, rod())).unwrap();
@@ -51,7 +51,7 @@ fn chain(n: usize) -> Model {
 }
 
 fn turned(n: usize) -> Problem {
-    let dynamics = TreeDynamics::try_fully_actuated(&chain(n)).unwrap();
+    let dynamics = TreeDynamics::try_fully_actuated(&chain(n, 0.0)).unwrap();
     let last: Vec<f64> = (0..2 * n).map(|k| if k < n { 0.5 } else { 0.0 }).collect();
     Problem::try_new(Phase::of_tree(dynamics, Effort).initial_state(vec![0.0; 2 * n]).final_state(last))
         .unwrap()

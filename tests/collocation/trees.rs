@@ -1,5 +1,6 @@
 //! Trees as expressions: what they are, and the arcs that are made of them.
 
+use crate::solution_methods::chain;
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use num_dual::{Dual64, HyperDual64};
 use somersault_core::Scalar;
@@ -93,7 +94,7 @@ fn expressions_of_random_trees_are_their_dynamics() {
 #[test]
 fn expressions_of_joints_that_follow_others_are_their_dynamics() {
     let mut builder = Model::builder();
-    for link in chain(4).links() {
+    for link in chain(4, 9.81).links() {
         let follows = link.name() == "3";
         builder.add(if follows { link.clone().following("1", -0.5, 0.2) } else { link.clone() }).unwrap();
     }
@@ -264,21 +265,8 @@ fn a_bounded_force_on_a_tree_has_arcs_at_its_bounds() {
     assert!((found.cost / collocation.cost - 1.0).abs() < 1e-6, "{} {}", found.cost, collocation.cost);
 }
 
-/// Links of 1 kg and 0.5 m along −y.
-fn chain(n: usize) -> Model {
-    let mut builder = ModelBuilder::new().with_gravity(-9.81 * Vector3::y());
-    let joint = Joint::Revolute { axis: Vector3::z() };
-    let rod = || MassProperties::rod(1.0, Vector3::zeros(), -0.5 * Vector3::y());
-    builder.add(Link::root("0", joint, rod())).unwrap();
-    for k in 1..n {
-        let link = Link::child(k.to_string(), (k - 1).to_string(), joint, rod());
-        builder.add(link.at(-0.5 * Vector3::y())).unwrap();
-    }
-    builder.build().unwrap()
-}
-
 fn turned_chain(n: usize) -> Polished {
-    let tree = TreeDynamics::try_fully_actuated(&chain(n)).unwrap();
+    let tree = TreeDynamics::try_fully_actuated(&chain(n, 9.81)).unwrap();
     let last: Vec<f64> = (0..2 * n).map(|k| if k < n { 0.5 } else { 0.0 }).collect();
     polished(Phase::of_tree(tree, Effort(vec![1.0; n])).initial_state(vec![0.0; 2 * n]).final_state(last))
 }

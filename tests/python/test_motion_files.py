@@ -144,6 +144,15 @@ def test_channels_events_and_force_plates_of_a_c3d_are_those_of_ezc3d() -> None:
     assert (plate["type"], plate["channels"], plate["calibration"]) == (2, [0, 1], [])
     assert [list(corner) for corner in plate["corners"]] == golden["corners"]
     assert list(plate["origin"]) == golden["origin"]
+    # two plates are declared, with the corners of one
+    content = (FILES / "channels.c3d").read_bytes()
+    two = content.replace(
+        b"\x04\x03USED\t\x00\x04\x00\x00\x00\x80?", b"\x04\x03USED\t\x00\x04\x00\x00\x00\x00@"
+    )
+    with pytest.raises(
+        errors.ReadError, match=r"found `1 numbers`, allowed is 1 in .*TYPE for each of 2 plates"
+    ):
+        motion.read_c3d_force_plates(io.BytesIO(two))
     # a file of points alone
     assert motion.read_c3d_channels(FILES / "ezc3d.c3d") is None
     for reader in (motion.read_c3d_channels, motion.read_c3d_events, motion.read_c3d_force_plates):

@@ -9,6 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from somersault import motion
+from somersault.plotting.given import given_axes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -50,8 +51,7 @@ def channels(
     >>> [line.get_label() for line in plotting.channels(squat, ["hip"]).lines]
     ['hip']
     """
-    if ax is None:
-        ax = plt.figure(figsize=(9.0, 5.4), layout="constrained").subplots()
+    ax = given_axes(ax, (9.0, 5.4))
     for name in recording.names if names is None else names:
         ax.plot(recording.times, recording.track(name), lw=1.4, label=name)
     ax.set_xlabel("time, s")

@@ -101,6 +101,10 @@ pub fn read(text: &str) -> Result<Columns, ReadError> {
     read_repaired(text, &mut Repairs::refused())
 }
 
+fn whole(place: Place, value: &str) -> Result<u64, ReadError> {
+    value.parse().map_err(|_| unexpected(place, value, "a whole number"))
+}
+
 /// What the header declares, with the place of each.
 #[derive(Default)]
 struct Header {
@@ -118,10 +122,8 @@ impl Header {
         let Some((key, value)) = found else { return Ok(()) };
         let (key, value) = (key.trim().to_ascii_lowercase(), value.trim().trim_matches('"'));
         match key.as_str() {
-            "nrows" | "datarows" => self.rows = value.parse().ok().map(|n| (place, n)).or(self.rows),
-            "ncolumns" | "datacolumns" => {
-                self.columns = value.parse().ok().map(|n| (place, n)).or(self.columns);
-            }
+            "nrows" | "datarows" => self.rows = Some((place, whole(place, value)?)),
+            "ncolumns" | "datacolumns" => self.columns = Some((place, whole(place, value)?)),
             "indegrees" => {
                 self.degrees = match value.to_ascii_lowercase().as_str() {
                     "yes" | "y" | "true" | "1" => Some(place),

@@ -531,9 +531,11 @@ impl File {
     /// Results that name their picture, several of which may be of one.
     fn results(&mut self, all: &[Value], visibility: f64) -> Result<(), ReadError> {
         let mut order: std::collections::HashMap<String, usize> = std::collections::HashMap::new();
-        for value in all {
-            let Value::Object(object) = value else { continue };
-            let Some(picture) = object.get("image_id") else { continue };
+        for (i, value) in all.iter().enumerate() {
+            let Some(picture) = value.get("image_id") else {
+                let found: String = value.to_string().chars().take(60).collect();
+                return Err(unexpected(Place::Line(i + 1), &found, "a result with its `image_id`"));
+            };
             let mut people = self.people(std::slice::from_ref(value))?;
             people.iter_mut().flat_map(|p| &mut p.points).for_each(|point| point.2 *= visibility);
             let k = *order.entry(text_of(picture)).or_insert(self.frames.len());

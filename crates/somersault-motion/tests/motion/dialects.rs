@@ -309,6 +309,7 @@ fn a_mot_that_is_not_quite_one_is_repaired() {
         (MOT.replace("time\t", "t\t"), "line 11: found `t`, allowed is time"),
         (MOT.replace("90.0", "9o"), "line 12: found `9o0000000`"),
         (MOT.replace("\t180\n", "\t180\t7\n"), "line 12: found `5 cells`, allowed is 4 cells"),
+        (MOT.replace("nRows=3", "nRows=three"), "line 3: found `three`, allowed is a whole number"),
         (MOT.replace("inDegrees=yes", "inDegrees=maybe"), "line 5: found `maybe`, allowed is yes or no"),
         (MOT.replace("Coordinates", "DataType=Matrix"), "line 1: found `Matrix`"),
         (MOT.lines().take(11).collect::<Vec<_>>().join("\n"), "line 11: the file has no frames"),
@@ -559,6 +560,12 @@ fn what_is_no_key_points_is_refused() {
     assert!(refused("[{\"people\":[]}]", &own).contains("frames without a person"));
     assert!(
         refused("{\"people\":[{\"pose_keypoints_2d\":[1,2]}]}", &own).contains("a multiple of 3 numbers")
+    );
+    assert!(refused("{\"people\":[true]}", &own).contains("found `true`, allowed is a person"));
+    let lost = format!("[{{\"image_id\":1,\"keypoints\":{}}},{{\"keypoints\":[]}}]", flat(17, 3));
+    assert!(
+        refused(&lost, &own)
+            .contains("line 2: found `{\"keypoints\":[]}`, allowed is a result with its `image_id`")
     );
     assert!(refused("{\"people\":[", &own).contains("the file ends where there must be"));
     let two = format!("[{0},{0}]", format!("{{\"people\":[{{\"pose_keypoints_2d\":{}}}]}}", flat(17, 3)));

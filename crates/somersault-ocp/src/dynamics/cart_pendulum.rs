@@ -8,7 +8,6 @@
 
 use super::{Dofs, HybridDynamics, HybridSecondDerivatives};
 use crate::error::OcpError;
-use nalgebra::Matrix6;
 use somersault_core::Scalar;
 use somersault_core::argument::{expect_finite, expect_not_negative, expect_positive};
 use somersault_multibody::{models::CartPendulum, nalgebra};
@@ -110,19 +109,5 @@ impl HybridDynamics for CartPendulumDynamics {
 
     fn second_derivatives(&mut self) -> Option<&mut dyn HybridSecondDerivatives> {
         None
-    }
-
-    fn displace(&self, q: &[f64], d: &[f64], out: &mut [f64]) -> Result<(), EvaluationError> {
-        out.iter_mut().zip(q.iter().zip(d)).for_each(|(out, (q, d))| *out = q + d);
-        Ok(())
-    }
-
-    fn difference(&self, from: &[f64], to: &[f64], out: &mut [f64]) -> Result<(), EvaluationError> {
-        out.iter_mut().zip(from.iter().zip(to)).for_each(|(out, (from, to))| *out = to - from);
-        Ok(())
-    }
-
-    fn displacement_maps(&self, _group: usize, _d: &[f64]) -> [Matrix6<f64>; 2] {
-        [Matrix6::identity(); 2]
     }
 }

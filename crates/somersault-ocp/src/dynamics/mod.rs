@@ -74,16 +74,24 @@ pub trait HybridDynamics: Send {
     /// Its second derivatives; none where displacements do not commute, or nobody has written them.
     fn second_derivatives(&mut self) -> Option<&mut dyn HybridSecondDerivatives>;
 
-    /// out ← q ⊕ d; where displacements commute, the sum.
-    fn displace(&self, q: &[f64], d: &[f64], out: &mut [f64]) -> Result<(), EvaluationError>;
+    /// out ← q ⊕ d; where displacements commute the sum, as by default.
+    fn displace(&self, q: &[f64], d: &[f64], out: &mut [f64]) -> Result<(), EvaluationError> {
+        out.iter_mut().zip(q.iter().zip(d)).for_each(|(out, (q, d))| *out = q + d);
+        Ok(())
+    }
 
-    /// out ← the d of least rotation with `from` ⊕ d = `to`; where displacements commute, the difference.
-    fn difference(&self, from: &[f64], to: &[f64], out: &mut [f64]) -> Result<(), EvaluationError>;
+    /// out ← the d of least rotation with `from` ⊕ d = `to`; where displacements commute the difference, as by default.
+    fn difference(&self, from: &[f64], to: &[f64], out: &mut [f64]) -> Result<(), EvaluationError> {
+        out.iter_mut().zip(from.iter().zip(to)).for_each(|(out, (from, to))| *out = to - from);
+        Ok(())
+    }
 
     /// A and J of a displacement `d` of all degrees of freedom, in group number `group` of [`Dofs::groups`]:
     /// (q ⊕ ε) ⊕ d = (q ⊕ d) ⊕ A ε and q ⊕ (d + ε) = (q ⊕ d) ⊕ J ε + O(ε²); both have ones on the diagonal beyond the degrees of
-    /// freedom of the group.
-    fn displacement_maps(&self, group: usize, d: &[f64]) -> [Matrix6<f64>; 2];
+    /// freedom of the group. Where displacements commute they are ones, as by default.
+    fn displacement_maps(&self, _group: usize, _d: &[f64]) -> [Matrix6<f64>; 2] {
+        [Matrix6::identity(); 2]
+    }
 }
 
 /// Second derivatives of [`HybridDynamics`] whose displacements commute.

@@ -6,7 +6,7 @@
 
 use crate::collocation::{Shared, VectorFunction};
 use crate::dynamics::{Dofs, HybridDynamics, HybridSecondDerivatives};
-use nalgebra::{DMatrix, Matrix6};
+use nalgebra::DMatrix;
 use somersault_nlp::EvaluationError;
 
 /// Equations of motion whose controls are forces.
@@ -127,20 +127,6 @@ impl HybridDynamics for FirstOrder {
 
     fn second_derivatives(&mut self) -> Option<&mut dyn HybridSecondDerivatives> {
         Some(self)
-    }
-
-    fn displace(&self, q: &[f64], d: &[f64], out: &mut [f64]) -> Result<(), EvaluationError> {
-        out.iter_mut().zip(q.iter().zip(d)).for_each(|(out, (q, d))| *out = q + d);
-        Ok(())
-    }
-
-    fn difference(&self, from: &[f64], to: &[f64], out: &mut [f64]) -> Result<(), EvaluationError> {
-        out.iter_mut().zip(from.iter().zip(to)).for_each(|(out, (from, to))| *out = to - from);
-        Ok(())
-    }
-
-    fn displacement_maps(&self, _group: usize, _d: &[f64]) -> [Matrix6<f64>; 2] {
-        [Matrix6::identity(); 2]
     }
 }
 

@@ -469,13 +469,13 @@ pub(crate) fn read_c3d_events(source: &Bound<'_, PyAny>) -> Result<Vec<(f64, Str
 /// Returns
 /// -------
 /// list of dict
-///     For each plate its ``type``, ``corners`` (four points) and ``origin`` in the unit and axes of the file, the ``channels``, numbers
-///     from 0 among those of `read_c3d_channels`, and the ``calibration``, column by column.
+///     For each plate its ``type``, ``corners`` (four points) and ``origin`` (NaN if the file has none) in the unit and axes of the
+///     file, the ``channels``, numbers from 0 among those of `read_c3d_channels`, and the ``calibration``, column by column.
 ///
 /// Raises
 /// ------
 /// ReadError
-///     If the file is no C3D; the message and the attribute ``byte`` say where.
+///     If the file is no C3D, or types or corners of some plates are missing; the message and the attribute ``byte`` say where.
 /// OSError
 ///     If the file cannot be opened.
 ///

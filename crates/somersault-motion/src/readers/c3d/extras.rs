@@ -3,7 +3,7 @@
 use super::layout::Layout;
 use super::parameters::Processor;
 use super::{bytes, opened};
-use crate::readers::{Place, ReadError, Repairs, distinct};
+use crate::readers::{Place, ReadError, Repairs, distinct, unexpected};
 use crate::recording::ChannelRecording;
 
 /// Something that somebody marked in a recording: a foot strike, a toe off.
@@ -24,7 +24,7 @@ pub struct ForcePlate {
     pub kind: usize,
     /// Its corners, in the axes of the file.
     pub corners: [[f64; 3]; 4],
-    /// The origin of its moments in its own axes.
+    /// The origin of its moments in its own axes; NaN if the file does not declare it.
     pub origin: [f64; 3],
     /// Numbers of its analog channels, from 0.
     pub channels: Vec<usize>,
@@ -135,7 +135,7 @@ pub fn events(file: &[u8]) -> Result<Vec<Event>, ReadError> {
     Ok(events)
 }
 
-/// The force plates in the bytes of a C3D `file`.
+/// The force plates in the bytes of a C3D `file`. Fails if types or corners of some are missing.
 pub fn force_plates(file: &[u8]) -> Result<Vec<ForcePlate>, ReadError> {
     let (parameters, ..) = opened(file)?;
     let group = "FORCE_PLATFORM";
@@ -149,14 +149,22 @@ pub fn force_plates(file: &[u8]) -> Result<Vec<ForcePlate>, ReadError> {
     let per_plate = shape("CHANNEL").first().copied().unwrap_or(6).max(1);
     let matrix = shape("CAL_MATRIX").iter().take(2).product::<usize>();
     let mut plates = Vec::new();
-    for k in 0..used.min(corners.len() / 12).min(kinds.len()) {
+    for (argument, found, each) in [("TYPE", kinds.len(), 1), ("CORNERS", corners.len(), 12)] {
+        if found < each * used {
+            let place = parameters.number(group, "USED").map_or(Place::Byte(0), |(place, _)| place);
+            let allowed = format!("{each} in {group}:{argument} for each of {used} plates");
+            return Err(unexpected(place, &format!("{found} numbers"), allowed));
+        }
+    }
+    for k in 0..used {
         let at = |i: usize, j: usize| corners[12 * k + 3 * i + j];
         let own = channels.get(per_plate * k..per_plate * (k + 1)).unwrap_or_default();
         let matrix = calibration.get(matrix * k..matrix * (k + 1)).unwrap_or_default();
         plates.push(ForcePlate {
             kind: kinds[k] as usize,
             corners: [0, 1, 2, 3].map(|i| [at(i, 0), at(i, 1), at(i, 2)]),
-            origin: [0, 1, 2].map(|j| origins.get(3 * k + j).copied().unwrap_or(0.0)),
+            origin: [0, 1, 2].map(|j| origins.get(3 * k + j).copied().unwrap_or(f64::NAN)),
+            // 0 stands for no channel
             channels: own.iter().filter(|n| **n >= 1.0).map(|n| *n as usize - 1).collect(),
             calibration: matrix.to_vec(),
         });
