@@ -262,6 +262,15 @@ def test_what_is_no_motion_of_amass_is_refused(tmp_path: Path) -> None:
 
 
 def test_what_is_of_no_format_is_refused_with_what_was_found(tmp_path: Path) -> None:
+    (tmp_path / "empty.trc").write_bytes(b"")
+    with pytest.raises(errors.ReadError, match=r"empty\.trc` is empty"):
+        motion.read_file(tmp_path / "empty.trc")
+    with pytest.raises(errors.ReadError, match="`source` is empty"):
+        motion.read_file(io.BytesIO(b""))
+    with pytest.raises(
+        errors.ReadError, match=r"is a folder without frames of key points, whose files end in \.json"
+    ):
+        motion.read_file(tmp_path)
     (tmp_path / "a.mov").write_bytes(b"moov")
     with pytest.raises(
         errors.InputError, match="begins with `moov` and has none of the known formats: C3D, TRC"

@@ -79,6 +79,28 @@ def test_derivatives_of_a_hop_are_differences_of_hops() -> None:
         contact.differentiate_tree(leg.model, leg.q, leg.v, (0.0, 0.1), parameters=[("torque", 5)], **given)
 
 
+def test_trees_by_name_come_with_what_drives_them() -> None:
+    for make in (
+        contact.hopping_leg,
+        contact.planar_biped,
+        contact.quadruped,
+        contact.ragdoll,
+        contact.springboard,
+    ):
+        scene = make()
+        again = pickle.loads(pickle.dumps(scene))
+        assert repr(again) == repr(scene) and len(scene.q) == scene.model.n_positions
+        np.testing.assert_array_equal(
+            again.torque(0.2, again.q, again.v), scene.torque(0.2, scene.q, scene.v)
+        )
+    with pytest.raises(somersault.InputError, match="`t` must be finite, found NaN"):
+        scene.torque(np.nan, scene.q, scene.v)
+    with pytest.raises(
+        somersault.InputError, match=r"`q` must be real numbers of shape \(6,\), found shape \(1,\)"
+    ):
+        scene.torque(0.0, [0.0], scene.v)
+
+
 def test_what_contacts_do_is_consistent() -> None:
     motion, leg = hop(), contact.hopping_leg()
     forces, gaps = motion.contact_forces, motion.gaps

@@ -217,6 +217,18 @@ pub enum LoadError {
         /// What the operating system says.
         reason: String,
     },
+    /// The file is empty.
+    #[error("`{}` is empty", path.display())]
+    Empty {
+        /// The path.
+        path: PathBuf,
+    },
+    /// The folder has no frames.
+    #[error("`{}` is a folder without frames of key points, whose files end in .json", path.display())]
+    NoFrames {
+        /// The path.
+        path: PathBuf,
+    },
     /// Neither what the file has nor the ending of its name is of a format.
     #[error("`{}` begins with `{found}` and has none of the known formats: {}", path.display(), format_names())]
     UnknownFormat {
@@ -288,8 +300,13 @@ pub fn read_named(
     options: &ReadOptions,
 ) -> Result<RecordingFile, LoadError> {
     let path = name.as_ref().to_owned();
+    if bytes.is_empty() {
+        return Err(LoadError::Empty { path });
+    }
     let Some((format, repair)) = format_of_file(&path, bytes) else {
-        let found = shorten(beginning(bytes).lines().next().unwrap_or_default(), LONGEST);
+        let beginning = beginning(bytes);
+        let line = beginning.lines().find(|line| !line.trim().is_empty());
+        let found = shorten(line.unwrap_or_default(), LONGEST);
         return Err(LoadError::UnknownFormat { path, found });
     };
     if let Some(Repair { place, what, .. }) = repair.clone().filter(|_| options.strict) {

@@ -197,7 +197,7 @@ fn names_of(n: usize) -> Option<&'static [&'static str]> {
     })
 }
 
-/// The frames of a folder, the JSON files in the order of the numbers in their names, as one list.
+/// The frames of a folder, the JSON files in the order of the numbers in their names, as one list. Fails if there are none.
 pub fn frames_in(folder: impl AsRef<Path>) -> Result<Vec<u8>, LoadError> {
     let folder = folder.as_ref();
     let io = |error: std::io::Error| LoadError::Io { path: folder.to_owned(), reason: error.to_string() };
@@ -219,7 +219,7 @@ pub fn frames_in(folder: impl AsRef<Path>) -> Result<Vec<u8>, LoadError> {
         all.extend(bytes);
     }
     if all.is_empty() {
-        all.push(b'[');
+        return Err(LoadError::NoFrames { path: folder.to_owned() });
     }
     all.push(b']');
     Ok(all)

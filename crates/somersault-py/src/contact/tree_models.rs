@@ -2,7 +2,7 @@
 
 use crate::contact::surface::Surface;
 use crate::contact::tree::LinkContact;
-use crate::core::convert::{array, finite_all, with_shape};
+use crate::core::convert::{array, finite, finite_all, with_shape};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, counted, value};
 use crate::multibody::model::Model;
@@ -99,7 +99,7 @@ impl TreeContactSystem {
         q: &Bound<'py, PyAny>,
         v: &Bound<'py, PyAny>,
     ) -> Result<Bound<'py, PyAny>, Error> {
-        let model = &self.system.model;
+        let (t, model) = (finite("t", t)?, &self.system.model);
         let q = finite_all("q", with_shape("q", &[model.n_positions()], q)?)?;
         let v = finite_all("v", with_shape("v", &[model.n_velocities()], v)?)?;
         let mut torque = vec![0.0; v.len()];

@@ -52,6 +52,7 @@ fn unloaded(error: LoadError) -> Error {
                 readers::format_names()
             ))
         }
+        LoadError::Empty { ref path } if path.as_os_str().is_empty() => Error::read("`source` is empty"),
         LoadError::UnknownFormat { .. } => Error::input(format!("`source`: {error}")),
         LoadError::Io { .. } => Error::of_system(error.to_string()),
         _ => Error::read(error.to_string()),
