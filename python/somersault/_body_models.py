@@ -52,7 +52,7 @@ def read_amass(source: str | PathLike[str], body: ArrayLike | str | PathLike[str
     """Reads a motion of AMASS: a file ``.npz`` with ``poses``, ``trans`` and the rate.
 
     The file has rotations and no lengths: joints are where the body at rest has them, which the model says,
-    SMPL, SMPL+H or SMPL-X. It is under a licence of its own, so that it is the user's. The 22 joints that
+    SMPL, SMPL+H or SMPL-X. It has its own licence, so the user must obtain it. The 22 joints that
     these models have in common are read; hands, jaw and eyes are left out.
 
     Rotation k turns joint k against its parent, R = exp(poses[3 k : 3 k + 3]); the pelvis is at J₀ + trans.
@@ -165,7 +165,7 @@ _FAULTS = (
 
 
 def _opened(path: Path) -> zipfile.ZipFile:
-    """The archive of arrays, none of which is read yet."""
+    """The archive of arrays; no array is read yet."""
     content = path.read_bytes()
     try:
         return zipfile.ZipFile(io.BytesIO(content))
@@ -178,7 +178,7 @@ def _names(file: zipfile.ZipFile) -> list[str]:
 
 
 def _array(path: Path, file: zipfile.ZipFile, name: str, shape: tuple[int | None, ...]) -> Array:
-    """An array of a file, of this shape where that is said."""
+    """An array of a file, with this shape if one is given."""
     names = _names(file)
     if name not in names:
         raise ReadError(f"{path}: `{name}` is needed, found {', '.join(names) or 'no array'}")

@@ -1,4 +1,4 @@
-"""Files of recorded motions as programs write them: read by what they have, with repairs that are said."""
+"""Files of recorded motions as programs write them: read by their content, with a list of repairs."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
 //! Numbers whose arithmetic is recorded, for formulas that are generic over the scalar.
 //!
 //! A formula over [`Scalar`](somersault_core::Scalar) branches on numbers, which expressions are not. So each [`Traced`] number has
-//! its value at one point beside its expression: comparisons are decided there, as dual numbers decide them, and the graph holds what was decided.
+//! its value at one point together with its expression: comparisons are decided there, as dual numbers decide them, and the graph keeps the
+//! decisions as conditions.
 
 use crate::error::ExprError;
 use crate::graph::{Expression, Graph};

@@ -15,7 +15,7 @@ from typing import Any
 from somersault.cli import tables
 from somersault.errors import InputError, ReadWarning
 
-#: What the program may be told of a file, as `motion.read_file` is.
+#: Options of reading, those of `motion.read_file`.
 _READING = ("unit", "up", "forward", "rate", "person", "strict")
 
 

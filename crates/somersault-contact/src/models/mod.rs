@@ -55,6 +55,14 @@ pub enum ModelError {
     /// The file of its robot cannot be read.
     #[error(transparent)]
     Robot(#[from] UrdfError),
+    /// A joint that an actuator cannot drive.
+    #[error("the joint of `{body}` must have one degree of freedom, found {found}")]
+    Joint {
+        /// Name of the body.
+        body: String,
+        /// Its degrees of freedom.
+        found: usize,
+    },
     /// A measure that the model does not allow.
     #[error("`{argument}` must lie between {low} and {high}, found {found}")]
     OutOfRange {

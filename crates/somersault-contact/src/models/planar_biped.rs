@@ -45,7 +45,7 @@ pub struct PlanarBiped {
 }
 
 impl PlanarBiped {
-    /// A biped of 60 kg that walks at 0.9 m/s. In its first second it steps from the left foot, which sticks, to the right one.
+    /// A biped of 60 kg that starts at 0.9 m/s. In its first second it steps from the left foot, which sticks, to the right one.
     pub fn example() -> Result<Self, ModelError> {
         Ok(Self {
             trunk: [40.0, 0.3, 2.0],

@@ -17,8 +17,7 @@ use std::sync::Arc;
 /// x and z under 9.81 m/s².
 ///
 /// Its links are `stand`, `board`, `trunk`, `thigh` and `shank`, its contact `foot`, with the upper side of the board. The board is
-/// rigid on a hinge whose spring has the stiffness k l² of a tip with k. Boards have 3 to 12 kN/m at the tip by their fulcrum, and 5 to 9 kg
-/// of effective mass there.
+/// rigid, on a hinge whose spring has the stiffness k l² for a stiffness k at the tip.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Springboard {
     /// From the hinge to the tip l, m.

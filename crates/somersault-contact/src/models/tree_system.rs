@@ -2,10 +2,10 @@
 
 use super::ModelError;
 use crate::tree::{LinkContact, TreeInContact};
+use somersault_multibody::Model;
 use somersault_multibody::motion::{TreeForces, TreeState, TreeSystem};
-use somersault_multibody::{DynamicsError, Model};
 
-/// A joint force that is a sine of time, beside a spring and a damper: τ = τ₀ + τ₁ sin(ω t + φ) − k q − c q̇.
+/// A joint force, the sum of a sine of time, a spring and a damper: τ = τ₀ + τ₁ sin(ω t + φ) − k q − c q̇.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct JointActuator {
     /// Number of q.
@@ -27,9 +27,13 @@ pub struct JointActuator {
 }
 
 impl JointActuator {
-    /// One at the joint of a body, which must have a single degree of freedom; it does nothing yet.
-    pub fn at_joint_of(model: &Model, body: &str) -> Result<Self, DynamicsError> {
+    /// An actuator without force at the joint of a body, which must have a single degree of freedom.
+    pub fn at_joint_of(model: &Model, body: &str) -> Result<Self, ModelError> {
         let i = model.body(body)?;
+        let found = model.velocities_of(i).len();
+        if found != 1 {
+            return Err(ModelError::Joint { body: body.to_owned(), found });
+        }
         let (position, velocity) = (model.positions_of(i).start, model.velocities_of(i).start);
         Ok(Self { position, velocity, ..Self::default() })
     }

@@ -2,7 +2,9 @@
 
 use somersault_contact::event::EventKind::{self, Release, Slip, Stick, TouchDown};
 use somersault_contact::laws::ContactMode;
-use somersault_contact::models::{PlanarBiped, Quadruped, Ragdoll, Springboard, TreeContactSystem};
+use somersault_contact::models::{
+    JointActuator, ModelError, PlanarBiped, Quadruped, Ragdoll, Springboard, TreeContactSystem,
+};
 use somersault_contact::tree::{Ledger, TouchingState, TreeInContact};
 use somersault_integrators::driver::{Adaptive, Steps};
 use somersault_integrators::events::Location;
@@ -24,6 +26,19 @@ fn run(scene: &TreeContactSystem, end: f64) -> (TouchingState, Vec<(String, Even
 fn energy<F: TreeForces>(system: &TreeInContact<'_, F>, x: &TouchingState) -> f64 {
     let Ledger { kinetic, potential, elastic, .. } = system.ledger(x);
     kinetic + potential + elastic
+}
+
+#[test]
+fn actuators_drive_joints_of_one_degree_of_freedom() {
+    let model = PlanarBiped::example().unwrap().system().unwrap().model;
+    let refused = JointActuator::at_joint_of(&model, "trunk").unwrap_err();
+    assert_eq!(refused.to_string(), "the joint of `trunk` must have one degree of freedom, found 3");
+    assert!(matches!(JointActuator::at_joint_of(&model, "tail"), Err(ModelError::Dynamics(_))));
+    let springboard = Springboard { length: f64::NAN, ..Springboard::example().unwrap() };
+    assert_eq!(
+        springboard.system().unwrap_err().to_string(),
+        "`length` must lie between 0 and 20, found NaN"
+    );
 }
 
 #[test]

@@ -25,7 +25,7 @@
 //! | Vicon Nexus | `Trajectories`, `Model Outputs`, `Devices`, `Joints` | the row of units, z | number of the frame and rate |
 //! | Qualisys QTM (TSV) | `MARKER_NAMES` | mm, z | a column, or the frequency |
 //!
-//! Cells are apart by commas, semicolons or tabs, with decimal points or commas. Columns that are no coordinates are channels
+//! Cells are separated by commas, semicolons or tabs, with decimal points or commas. Columns that are no coordinates are channels
 //! where they are more than the coordinates.
 
 mod header;
@@ -53,7 +53,7 @@ pub const FORMAT: Format = Format {
     parse: |bytes, choices, repairs| parse(&decoded(bytes, repairs)?, choices, repairs),
 };
 
-/// The markers in `text`, which has the names of columns that are said above.
+/// The markers in `text`, whose columns are named as described above.
 pub fn read(text: &str, options: &MarkerOptions) -> Result<MarkerRecording, ReadError> {
     let mut rows = Rows::new(text);
     let mut record = StringRecord::new();

@@ -16,8 +16,8 @@
 //! length; nesting costs no stack. Every error has the line or the byte, what was found and what is allowed.
 //!
 //! Programs write their formats in many ways. Unless [`ReadOptions::strict`] is set, what has one meaning only is read, and
-//! what was put right is listed as [`Repair`]s of the [`RecordingFile`]. The functions `read` of single formats are strict, and
-//! `read_repaired` beside them are not.
+//! what was put right is listed as [`Repair`]s of the [`RecordingFile`]. The functions `read` of single formats are strict,
+//! `read_repaired` are tolerant.
 
 pub mod bvh;
 pub mod c3d;

@@ -11,7 +11,7 @@
 //! 0.00  12.5           0.93
 //! 0.01  12.6           0.93
 //! ```
-//! Cells are apart by tabs, or by blanks where there is no tab. `nRows` and `nColumns`, or `datarows` and `datacolumns` of SIMM,
+//! Cells are separated by tabs, or by blanks where there is no tab. `nRows` and `nColumns`, or `datarows` and `datacolumns` of SIMM,
 //! must be those of what follows, where they are declared. Of the other lines of the header one counts, `inDegrees`: with `yes`, columns that are angles
 //! are converted to radians, and [`in_degrees`](Columns::in_degrees) names them. OpenSim decides by its model which these are; here they are all columns
 //! but those whose names say something else: translations (`_tx`, `_ty`, `_tz`), forces, points, torques, activations, lengths
@@ -154,7 +154,7 @@ impl Header {
     }
 }
 
-/// The same with repairs: numbers of rows and columns that are not those of what follows, cells apart by runs of tabs or by
+/// The same with repairs: numbers of rows and columns that are not those of what follows, cells separated by runs of tabs or by
 /// commas, rows that end early or late, names that repeat or lack, times that do not rise.
 pub fn read_repaired(text: &str, repairs: &mut Repairs) -> Result<Columns, ReadError> {
     let mut header = Header { width: 1, ..Header::default() };

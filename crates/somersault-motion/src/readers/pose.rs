@@ -399,7 +399,7 @@ fn times(frames: &[Frame], rate: Option<f64>, repairs: &mut Repairs) -> Result<V
     let Some(rate) = rate else { return Err(ReadError::NoRate { format: FORMAT.name }) };
     let numbers: Vec<f64> = frames.iter().filter_map(|frame| frame.number).collect();
     let rise = numbers.len() == frames.len() && numbers.windows(2).all(|pair| pair[1] > pair[0]);
-    // numbers of pictures of a collection are none of frames
+    // identifiers of the pictures of a data set are not numbers of frames
     let span = if rise { numbers[numbers.len() - 1] - numbers[0] } else { f64::INFINITY };
     if span > 10.0 * frames.len() as f64 {
         if !numbers.is_empty() {
@@ -675,7 +675,7 @@ fn points(
         for (k, value) in all.iter().enumerate() {
             match value {
                 Value::Array(row) if (2..=4).contains(&row.len()) => {
-                    // beside scores, and of landmarks, a third number is a coordinate, otherwise a confidence
+                    // of landmarks, and where scores are given, a third number is a coordinate, otherwise a confidence
                     let is_place = score(k).is_some() || stride == Some(4) || row.len() == 2;
                     let n_dims = if is_place { row.len().min(3) } else { row.len() - 1 };
                     let mut x = [0.0; 3];

@@ -14,7 +14,7 @@
 //! missing in that frame.
 //!
 //! What [`read_repaired`] takes besides, as OpenSim, Cortex, Pose2Sim, OpenCap, MOTEK, BTK and spreadsheets write it: numbers of
-//! frames and markers that are not those of what follows; cells apart by runs of tabs, commas, semicolons or blanks; a row of
+//! frames and markers that are not those of what follows; cells separated by runs of tabs, commas, semicolons or blanks; a row of
 //! coordinates or of a blank line that is not there; columns and cells that are empty; rows that end early; columns of
 //! coordinates without a name; NaN; decimal commas; frames without a number or a time; names that repeat.
 

@@ -396,7 +396,7 @@ fn part<T: Send + 'static>(
 
 /// Reads the analog channels of a C3D file, scaled: (number − OFFSET) · SCALE · GEN_SCALE.
 ///
-/// Each sample is a frame of its own, so that channels have a rate of their own; times are those of `read_c3d`.
+/// Each sample becomes a frame, so that the recording has the sampling rate of the channels; times are those of `read_c3d`.
 ///
 /// Parameters
 /// ----------

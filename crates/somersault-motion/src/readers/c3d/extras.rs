@@ -51,6 +51,14 @@ pub fn channels(file: &[u8]) -> Result<Option<ChannelRecording>, ReadError> {
         parameters.text("ANALOG", "FORMAT").is_some_and(|(_, f)| f.eq_ignore_ascii_case("UNSIGNED"));
     let scales = parameters.numbers("ANALOG", "SCALE", is_unsigned);
     let offsets = parameters.numbers("ANALOG", "OFFSET", is_unsigned);
+    for (quantity, found) in [("scales of channels", scales.len()), ("offsets of channels", offsets.len())] {
+        // without any, numbers are what they are
+        if found > 0 && found < used {
+            let place = parameters.number("ANALOG", "USED").map_or(Place::Byte(0), |(place, _)| place);
+            let (declared, found) = (used as u64, found as u64);
+            return Err(ReadError::Misdeclared { place, quantity, declared, found });
+        }
+    }
     let mut values = Vec::new();
     for i in 0..layout.n_frames {
         let start = layout.start + i * layout.stride + layout.points_width();
@@ -76,7 +84,7 @@ pub fn channels(file: &[u8]) -> Result<Option<ChannelRecording>, ReadError> {
         .map_err(|error| ReadError::recording(error, Place::Byte(0), |_| None))
 }
 
-/// Number k of the analog data of a frame; 0 where the last frame lacks it.
+/// Number k of the analog data of a frame; NaN where a cut last frame lacks it.
 fn sample(
     file: &[u8],
     start: usize,

@@ -132,7 +132,7 @@ impl<'a> Parameters<'a> {
         Some((parameter.place, number))
     }
 
-    /// All numbers of an array; words count without sign where that is said.
+    /// All numbers of an array; 16-bit words are unsigned if `is_unsigned`.
     pub(super) fn numbers(&self, group: &str, name: &str, is_unsigned: bool) -> Vec<f64> {
         let Some(parameter) = self.get(group, name) else { return Vec::new() };
         let word = |w: &[u8]| match is_unsigned {
