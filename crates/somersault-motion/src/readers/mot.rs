@@ -155,7 +155,7 @@ impl Header {
 }
 
 /// The same with repairs: numbers of rows and columns that are not those of what follows, cells separated by runs of tabs or by
-/// commas, rows that end early or late, names that repeat or lack, times that do not rise.
+/// commas, rows that end early or late, names that are repeated or missing, times that do not rise.
 pub fn read_repaired(text: &str, repairs: &mut Repairs) -> Result<Columns, ReadError> {
     let mut header = Header { width: 1, ..Header::default() };
     let mut lines = text.lines().enumerate().map(|(i, line)| (Place::Line(i + 1), line));

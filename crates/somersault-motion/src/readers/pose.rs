@@ -314,7 +314,7 @@ pub fn read(
             None => (1..=n).map(|k| format!("point {k}")).collect(),
         },
     };
-    // persons that have less points, or are not there, are filled up: that must not make much of little
+    // persons that have fewer points, or are not there, are filled up with weights of 0: that must not make a large recording of a small file
     if n.saturating_mul(file.frames.len()) > text.len() {
         return Err(unexpected(head, &format!("{n} points"), "as many points in each frame"));
     }

@@ -16,7 +16,7 @@
 //! What [`read_repaired`] takes besides, as OpenSim, Cortex, Pose2Sim, OpenCap, MOTEK, BTK and spreadsheets write it: numbers of
 //! frames and markers that are not those of what follows; cells separated by runs of tabs, commas, semicolons or blanks; a row of
 //! coordinates or of a blank line that is not there; columns and cells that are empty; rows that end early; columns of
-//! coordinates without a name; NaN; decimal commas; frames without a number or a time; names that repeat.
+//! coordinates without a name; NaN; decimal commas; frames without a number or a time; repeated names.
 
 use super::{
     Choices, Format, MarkerOptions, Parsed, Place, ReadError, Repairs, decoded, distinct, number,

@@ -1,7 +1,7 @@
 //! Recordings as GLB, the binary form of glTF 2.0, which viewers, engines and browsers play: a stick figure, or a point for each marker.
 //!
 //! Each joint is a node with its rotations and places as an animation, and a bone from its parent; each marker is a node with its
-//! places, of the size of nothing while it is missing. Lengths are in m. A node above all turns the world of recordings into that of glTF:
+//! places, scaled to zero while it is missing. Lengths are in m. A node above all turns the world of recordings into that of glTF:
 //! forward is z, left is x, up is y. Numbers have single precision.
 //!
 //! Source: *glTF 2.0 Specification*, Khronos Group, 2021.
@@ -54,7 +54,7 @@ impl Scene {
                 .accessors
                 .push(json!({"bufferView": view, "componentType": SHORT, "count": n, "type": "SCALAR"}));
         }
-        // times begin at nothing: players begin there
+        // times start at zero, where players start
         let shifted = |(frame, t): (usize, &f64)| single("a time", t - times[0], frame);
         let times = times.iter().enumerate().map(shifted).collect::<Result<Vec<f32>, _>>()?;
         if let Some(i) = times.windows(2).position(|pair| pair[1] <= pair[0]) {

@@ -1,4 +1,4 @@
-//! What programs write that is not quite of their format: read, and each repair said.
+//! What programs write that is not quite of their format: read, with each repair listed.
 
 use crate::files::{BVH, Bytes, C3d, CSV, TRC};
 use nalgebra::Vector3;
@@ -163,7 +163,7 @@ fn a_trc_of_other_programs_is_read_and_its_repairs_are_said() {
         runs.replace("2\t0.010\t10.6\t901\t-3\t\t\t\n", "2\t\t0.010\t\t10.6\t\t901\t\t-3\t\t1\t\t2\t\t3\n");
     let (found, _) = markers(repaired(&whole, 7, "runs of tabs"));
     assert_eq!(found.frame(2), plain.frame(2));
-    // numbers and times that lack or stand still are those of the rate
+    // missing and repeated numbers and times are those of the rate
     same(&TRC.replace("\n2\t0.010", "\n\t"), 8, "a frame has no number");
     same(&TRC.replace("2\t0.010", "2\t0.000"), 8, "times do not rise");
     same(&TRC.replace("\t0.010\t", "\t\t"), 8, "frames without a time");
