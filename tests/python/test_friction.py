@@ -48,7 +48,7 @@ def test_a_block_stops_at_the_right_place_and_time_and_stays(options: dict[str, 
     assert stop.t == pytest.approx(speed / (mu * G), abs=0.02)
     assert stop.state.position[0] == pytest.approx(speed**2 / (2 * mu * G), abs=0.05)
     assert np.linalg.norm(motion[-1].velocity) < 1e-9
-    assert np.linalg.norm(motion.stretches) < 1e-12
+    assert motion.stretches is not None and np.linalg.norm(motion.stretches[-1]) < 1e-12
     assert pickle.loads(pickle.dumps(stop)).kind == "stick"
     np.testing.assert_array_equal(pickle.loads(pickle.dumps(motion)).stretches, motion.stretches)
 
@@ -73,8 +73,16 @@ def test_a_block_that_starts_loaded_stays_and_a_run_goes_on_with_its_stretches()
     motion = run(block, 1.0, stretches="loaded")
     assert motion.events == ()
     assert np.ptp(motion.position[:, 0]) < 1e-12
-    np.testing.assert_allclose(motion.stretches, [[G * np.sin(slope) / 1e4, 0.0, 0.0]], atol=1e-12)
-    again = run(block, 1.0, stretches=motion.stretches)
+    assert motion.stretches is not None
+    np.testing.assert_allclose(
+        motion.stretches, [[[G * np.sin(slope) / 1e4, 0.0, 0.0]]] * len(motion), atol=1e-12
+    )
+    assert motion.contact_forces is not None and motion.elastic_energy is not None
+    held = motion.contact_forces.sum(axis=1)
+    load = G * np.array([-np.sin(slope), 0.0, np.cos(slope)])
+    np.testing.assert_allclose(held, [load] * len(motion), atol=1e-9)
+    assert pickle.loads(pickle.dumps(motion)).elastic_energy == pytest.approx(motion.elastic_energy)
+    again = run(block, 1.0, stretches=motion.stretches[-1])
     np.testing.assert_allclose(again.position[-1], motion.position[-1], atol=1e-12)
     raises(errors.InputError, "`stretches`", lambda: run(block, 1.0, stretches=[0.0]))
     raises(
@@ -168,6 +176,9 @@ def test_two_spheres_of_equal_mass_exchange_their_velocities() -> None:
     pair = SpherePair((0, 1), (0.03, 0.03), CompliantLaw(1e5))
     motion = integrate(balls, starts, (0, 0.2), dt=2e-4, method="rkmk8", pairs=pair, dense_output=True)
     np.testing.assert_allclose(motion.velocity[-1], [(0, 0, 0), (1, 0, 0)], atol=1e-9)
+    energy = motion.kinetic_energy.sum(axis=1) + motion.elastic_energy
+    np.testing.assert_allclose(energy, energy[0], rtol=1e-9)
+    assert motion.elastic_energy is not None and motion.elastic_energy.max() > 0.2 * energy[0]
     assert [(event.contact, event.kind) for event in motion.events] == [(0, "touch_down"), (0, "release")]
     # Central impact: half a period of the reduced mass on the spring.
     first, last = motion.events
@@ -195,11 +206,13 @@ def test_several_bodies_touch_surfaces_and_each_other() -> None:
     lower, upper = motion[-1]
     assert lower.position[2] == pytest.approx(0.05 - 0.3 * G / 1e4, abs=1e-6)
     assert upper.position[2] - lower.position[2] == pytest.approx(0.1 - 0.1 * G / 1e4, abs=1e-6)
-    # Contacts with surfaces are counted first: 0 and 1, then the pair.
+    # Contacts with surfaces are counted first: 0 and 1, then the pair, on whose first body the force is.
+    assert motion.contact_forces is not None
+    np.testing.assert_allclose(motion.contact_forces[-1, :, 2], [0.3 * G, 0.0, 0.1 * G], atol=1e-6)
     assert {event.contact for event in motion.events} <= {0, 2}
     switched = integrate(balls, starts, (0, 3.0), dt=1e-4, every=10**6, locate=False, **stacked)  # type: ignore[arg-type]
     np.testing.assert_allclose(switched.position[-1], motion.position[-1], atol=1e-6)
-    assert switched.events == ()
+    assert switched.events == () and switched.contact_forces is None
 
 
 def test_a_corner_dropped_box_comes_to_rest() -> None:

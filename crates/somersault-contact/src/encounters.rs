@@ -27,6 +27,31 @@ impl<Q: Configuration, E: Encounters<Q>> Encounters<Q> for &E {
     }
 }
 
+/// What a contact does in a state.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ContactState {
+    /// The number of the contact.
+    pub contact: usize,
+    /// What it does.
+    pub mode: ContactMode,
+    /// Gap, negative inside, m.
+    pub gap: f64,
+    /// Its rate, m/s.
+    pub rate: f64,
+    /// The point of contact, world frame, m.
+    pub point: Vector3<f64>,
+    /// Unit normal, along which the body, or the first of two, is pushed.
+    pub normal: Vector3<f64>,
+    /// Velocity of the body relative to the surface, or to the second body, without its part along the normal, m/s.
+    pub sliding: Vector3<f64>,
+    /// Stretch of its friction, m.
+    pub stretch: Vector3<f64>,
+    /// Force on the body, or on the first of two, N; zero of an open contact.
+    pub force: Vector3<f64>,
+    /// Couple on it by resistance to rolling and spinning, N m.
+    pub couple: Vector3<f64>,
+}
+
 /// A configuration and its rate with stretches beside it.
 pub(crate) type Stretched<'a, Q> = (&'a Augmented<Q>, &'a AugmentedRate<<Q as Configuration>::Rate>);
 
@@ -78,6 +103,31 @@ pub(crate) fn energy<Q: Configuration>(contacts: &impl Encounters<Q>, x: Stretch
     let mut sum = 0.0;
     each(contacts, x, |_, law, at, stretch| sum += law.energy(at.gap, stretch));
     sum
+}
+
+/// What every contact does in a state, each in the mode that the state has it in.
+pub(crate) fn contact_states<Q: Configuration>(
+    contacts: &impl Encounters<Q>,
+    x: Stretched<'_, Q>,
+) -> Vec<ContactState> {
+    let mut states = Vec::with_capacity(x.1.variables.len());
+    each(contacts, x, |contact, law, at, stretch| {
+        let mode = law.mode(at, stretch);
+        let effort = law.effort_in(&mode, at, stretch);
+        states.push(ContactState {
+            contact,
+            mode,
+            gap: at.gap,
+            rate: at.rate,
+            point: at.point,
+            normal: at.normal,
+            sliding: at.sliding,
+            stretch: *stretch,
+            force: effort.force,
+            couple: effort.torque,
+        });
+    });
+    states
 }
 
 /// The modes that a state belongs to.

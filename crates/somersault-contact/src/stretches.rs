@@ -11,7 +11,7 @@
 //!
 //! ξ is zero where a contact is open, and as it begins.
 
-use crate::encounters::{self, Encounters, reset};
+use crate::encounters::{self, ContactState, Encounters, reset};
 use crate::error::ContactError;
 use crate::event::EventKind;
 use crate::laws::{ContactLaw, ContactMode, Encounter};
@@ -103,6 +103,11 @@ impl<S: Touching> WithStretches<S> {
             sum.fixed_rows_mut::<3>(6 * i + 3).copy_from(&torque.component_div(&moments));
         }
         sum
+    }
+
+    /// What every contact does in a state, each in the mode that the state has it in.
+    pub fn touches(&self, x: &StateOf<Self>) -> Vec<ContactState> {
+        encounters::contact_states(&self.0, (&x.configuration, &x.rate))
     }
 
     /// Energy of the springs of contacts and friction, J.

@@ -16,12 +16,11 @@ from somersault._somersault.contact import (
     CylindricalSurface,
     HalfSpace,
     LinkContact,
-    SpherePair,
     SphericalSurface,
     Surface,
     SurfaceFunction,
 )
-from somersault._somersault.integrators import RigidBody, Solution, State
+from somersault._somersault.integrators import RigidBody, Solution
 from somersault._somersault.multibody import TreeSolution
 from somersault.viewer.results import Source
 from somersault.viewer.shapes import Box, Cylinder, Ellipsoid, Mesh, Shape, Sphere
@@ -39,6 +38,9 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
+#: An end of a contact: a body and a point of it, the sign of the force on it, and whether the point is the
+#: centre of a ball or rim.
+_End: TypeAlias = tuple[int, Array, float, bool]
 Distance: TypeAlias = Callable[[Array], tuple[float, Any]]
 
 #: Along each side of a surface that is drawn as a net, and steps down to it.
@@ -59,23 +61,20 @@ def contacts_of(moving: Any) -> list[list[Contact]]:
 
 
 def touches_of(solution: Solution) -> list[Touch]:
-    """Normal forces of all contacts of a solution, at its times and its events."""
-    moments = {float(t): solution[k] for k, t in enumerate(solution.t)}
-    moments |= {event.t: event.state for event in solution.events}
-    t = np.array(sorted(moments))
-    found = []
-    each = [moments[at] for at in t]
-    for body, contacts in enumerate(contacts_of(solution)):
-        states = [state if isinstance(state, State) else state[body] for state in each]
-        position = np.array([state.position for state in states])
-        turns = Rotation.from_quat([state.quaternion for state in states]).as_matrix()
-        for contact in contacts:
-            forces, offsets = _pressed(contact, states, position + turns @ contact.point, turns)
-            away = None if contact.radius is None else offsets
-            found.append(touch(body, np.asarray(contact.point), t, forces, away))
+    """Forces of all contacts of a solution on its bodies, at its times."""
+    given = contacts_of(solution)
+    held = [
+        [(body, np.asarray(contact.point), 1.0, contact.radius is not None)]
+        for body, contacts in enumerate(given)
+        for contact in contacts
+    ]
     for pair in solution.pairs or ():
-        found += _touches_of_pair(pair, t, [[state[body] for body in pair.bodies] for state in each])
-    return found
+        ends = zip(pair.bodies, pair.centers, (1.0, -1.0), strict=True)
+        held.append([(body, np.asarray(center), sign, True) for body, center, sign in ends])
+    several = (len(solution.t), -1)
+    origins = np.reshape(solution.position, (*several, 3))
+    turns = Rotation.from_quat(np.reshape(solution.quaternion, (-1, 4))).as_matrix().reshape(*several, 3, 3)
+    return _touches(solution, held, origins, turns)
 
 
 def surfaces_of_tree(moving: Any) -> list[LinkContact]:
@@ -88,64 +87,33 @@ def surfaces_of_tree(moving: Any) -> list[LinkContact]:
 
 def touches_of_tree(solution: TreeSolution) -> list[Touch]:
     """Forces of all contacts of a tree on its links, at its times."""
+    model = solution.model
+    held = []
+    for contact in solution.contacts:
+        if isinstance(contact, LinkContact):
+            is_round = contact.contact.radius is not None
+            held.append([(model.body(contact.link), np.asarray(contact.contact.point), 1.0, is_round)])
+        else:
+            ends = zip(contact.links, contact.centers, (1.0, -1.0), strict=True)
+            held.append([(model.body(link), np.asarray(center), sign, True) for link, center, sign in ends])
+    poses = np.asarray(model.poses(solution.q))
+    return _touches(solution, held, poses[..., :3, 3], poses[..., :3, :3])
+
+
+def _touches(
+    solution: Solution | TreeSolution, held: Sequence[Sequence[_End]], origins: Array, turns: Array
+) -> list[Touch]:
+    """Forces on each end of every contact, where it moves so."""
     forces, points = solution.contact_forces, solution.contact_points
     if forces is None or points is None:
         return []
-    model, t = solution.model, np.asarray(solution.t)
-    poses = np.asarray(model.poses(solution.q))
+    t = np.asarray(solution.t)
     found = []
-    for k, contact in enumerate(solution.contacts):
-        if isinstance(contact, LinkContact):
-            held = [(contact.link, np.asarray(contact.contact.point), 1.0)]
-            is_round = contact.contact.radius is not None
-        else:
-            centers = zip(contact.links, contact.centers, (1.0, -1.0), strict=True)
-            held, is_round = [(link, np.asarray(center), sign) for link, center, sign in centers], True
-        for link, point, sign in held:
-            body = model.body(link)
-            away = points[:, k] - poses[:, body, :3, 3] - poses[:, body, :3, :3] @ point
-            found.append(touch(body, point, t, sign * forces[:, k], away if is_round else None))
+    for k, ends in enumerate(held):
+        for body, point, sign, is_round in ends:
+            away = points[:, k] - origins[:, body] - turns[:, body] @ point if is_round else None
+            found.append(touch(body, point, t, sign * forces[:, k], away))
     return found
-
-
-def _touches_of_pair(pair: SpherePair, t: Array, states: Sequence[Sequence[State]]) -> list[Touch]:
-    """Normal forces on both bodies, on the line of the centres where the radii divide it."""
-    centers, rates = (np.empty((2, len(t), 3)) for _ in range(2))
-    for side, center in enumerate(pair.centers):
-        for k, state in enumerate(states):
-            arm = state[side].orientation.apply(center)
-            centers[side, k] = state[side].position + arm
-            rates[side, k] = state[side].velocity + np.cross(state[side].angular_velocity, arm)
-    span, total = centers[0] - centers[1], sum(pair.radii)
-    distance = np.linalg.norm(span, axis=1)
-    normals = span / np.where(distance > 0.0, distance, 1.0)[:, None]
-    speeds = np.einsum("ni,ni->n", normals, rates[0] - rates[1])
-    gaps = zip((distance - total).tolist(), speeds.tolist(), strict=True)
-    sizes = np.array([max(0.0, pair.law.force(*gap)) if gap[0] <= 0.0 else 0.0 for gap in gaps])
-    return [
-        touch(body, center, t, sign * sizes[:, None] * normals, -sign * radius / total * span)
-        for body, center, radius, sign in zip(pair.bodies, pair.centers, pair.radii, (1.0, -1.0), strict=True)
-    ]
-
-
-def _pressed(contact: Contact, states: Sequence[State], points: Array, turns: Array) -> tuple[Array, Array]:
-    """Normal forces, and where they act from the points of the contact on, in world axes."""
-    gaps = [contact.gap(state) for state in states]
-    sizes = np.array([max(0.0, contact.law.force(*gap)) if gap[0] <= 0.0 else 0.0 for gap in gaps])
-    distance = _distance(contact.surface)
-    normals = np.zeros_like(points)
-    # Those of points matter where they press, those of balls and rims always.
-    for k in range(len(points)) if contact.radius is not None else np.flatnonzero(sizes):
-        normals[k] = distance(points[k])[1]
-    offsets = np.zeros_like(points)
-    if contact.radius is not None:
-        down = -normals
-        if contact.axis is not None:
-            axes = turns @ (contact.axis / np.linalg.norm(contact.axis))
-            down += np.einsum("ni,ni->n", normals, axes)[:, None] * axes
-        long = np.linalg.norm(down, axis=1, keepdims=True)
-        offsets = contact.radius * down / np.where(long > 0.0, long, 1.0)
-    return sizes[:, None] * normals, offsets
 
 
 def _distance(surface: Surface | Distance) -> Distance:

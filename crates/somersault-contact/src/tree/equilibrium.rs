@@ -8,9 +8,8 @@
 //! ```
 //! with differences for its matrix, and the least d where the equations leave some of it open.
 
-use super::report::ContactState;
 use super::system::{TouchingState, TreeInContact};
-use crate::encounters::Encounters;
+use crate::encounters::{ContactState, Encounters};
 use crate::error::ContactError;
 use crate::laws::ContactMode;
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};

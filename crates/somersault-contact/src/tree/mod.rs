@@ -67,5 +67,5 @@ pub use contacts::{LinkContact, LinkPair, TreeContacts};
 pub use equilibrium::Equilibrium;
 pub use geometry::{GeometryContacts, LeftOut, geometry_contacts, shape_contacts};
 pub use linearization::TreeRoom;
-pub use report::{ContactState, Ledger};
+pub use report::Ledger;
 pub use system::{TouchingRate, TouchingState, TouchingWorkspace, TreeInContact};

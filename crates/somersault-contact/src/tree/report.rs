@@ -1,35 +1,10 @@
 //! What contacts do in a state: forces, velocities, Jacobians, energies.
 
 use super::system::{TouchingState, TreeInContact};
+use crate::encounters::{ContactState, contact_states};
 use crate::error::ContactError;
-use crate::laws::ContactMode;
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::DMatrix;
 use somersault_multibody::motion::{JointDrive, TreeForces};
-
-/// What a contact does in a state.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ContactState {
-    /// The number of the contact.
-    pub contact: usize,
-    /// What it does.
-    pub mode: ContactMode,
-    /// Gap, negative inside, m.
-    pub gap: f64,
-    /// Its rate, m/s.
-    pub rate: f64,
-    /// The point of contact, world frame, m.
-    pub point: Vector3<f64>,
-    /// Unit normal, along which the link, or the first of two, is pushed.
-    pub normal: Vector3<f64>,
-    /// Velocity of the link relative to the surface, or to the second link, without its part along the normal, m/s.
-    pub sliding: Vector3<f64>,
-    /// Stretch of its friction, m.
-    pub stretch: Vector3<f64>,
-    /// Force on the link, or on the first of two, N; zero of an open contact.
-    pub force: Vector3<f64>,
-    /// Couple on it by resistance to rolling and spinning, N m.
-    pub couple: Vector3<f64>,
-}
 
 /// The energy of a tree in contact, J.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -54,28 +29,7 @@ impl Ledger {
 impl<F: TreeForces, D: JointDrive> TreeInContact<'_, F, D> {
     /// What every contact does in a state, each in the mode that the state has it in.
     pub fn touches(&self, x: &TouchingState) -> Vec<ContactState> {
-        let of_all = self.seen((&x.configuration.0, &x.rate.base), |bodies| {
-            let parts = self.contacts().parts().zip(&x.rate.variables).enumerate();
-            let touch = parts.map(|(contact, (part, stretch))| {
-                let (at, law) = (self.contacts().meet(contact, &part, bodies).0, part.law());
-                let mode = law.mode(&at, stretch);
-                let effort = law.effort_in(&mode, &at, stretch);
-                ContactState {
-                    contact,
-                    mode,
-                    gap: at.gap,
-                    rate: at.rate,
-                    point: at.point,
-                    normal: at.normal,
-                    sliding: at.sliding,
-                    stretch: *stretch,
-                    force: effort.force,
-                    couple: effort.torque,
-                }
-            });
-            touch.collect()
-        });
-        of_all.unwrap_or_default()
+        contact_states(self, (&x.configuration, &x.rate))
     }
 
     /// The Jacobian of contact `i`, 3 × [`n_velocities`](somersault_multibody::Model::n_velocities): with the velocities of the

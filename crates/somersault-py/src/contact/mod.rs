@@ -6,6 +6,7 @@ pub(crate) mod laws;
 pub(crate) mod sensitivity;
 pub(crate) mod surface;
 pub(crate) mod system;
+pub(crate) mod touches;
 pub(crate) mod tree;
 mod tree_models;
 pub(crate) mod tree_sensitivity;

@@ -4,6 +4,7 @@ use crate::contact::contacts::{Contact, GivenLaws};
 use crate::contact::laws::{
     Resistance, friction_law, laws, normal_law, normal_law_repr, parts, resistance_law,
 };
+use crate::contact::touches::Touches;
 use crate::core::callable::Failure;
 use crate::core::convert::{a_type, array, finite_all, sequence, vector_array, vector_or, with_shape};
 use crate::core::error::Error;
@@ -14,9 +15,10 @@ use crate::multibody::model::Model;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
+use somersault::contact::encounters::ContactState;
 use somersault::contact::event::EventKind;
 use somersault::contact::laws::ContactLaw;
-use somersault::contact::tree::{self, ContactState, TouchingState, TreeInContact};
+use somersault::contact::tree::{self, TouchingState, TreeInContact};
 use somersault::integrators::augmented::Augmented;
 use somersault::integrators::events::{self, Hybrid};
 use somersault::integrators::nalgebra::Vector3;
@@ -279,10 +281,7 @@ pub(crate) struct TreeTouches {
     /// Events, steps tried for them, and parts of divided steps.
     pub(crate) counts: (u64, u64, u64),
     pub(crate) stretches: Py<PyAny>,
-    pub(crate) forces: Py<PyAny>,
-    pub(crate) points: Py<PyAny>,
-    pub(crate) gaps: Py<PyAny>,
-    pub(crate) elastic_energy: Py<PyAny>,
+    pub(crate) touches: Touches,
 }
 
 /// As a file has it.
@@ -290,7 +289,8 @@ pub(crate) type PickledTouches = (Py<PyAny>, Vec<Py<LinkEvent>>, (u64, u64, u64)
 
 impl TreeTouches {
     pub(crate) fn pickled(&self, py: Python<'_>) -> PickledTouches {
-        let Self { contacts, events, counts, stretches, forces, points, gaps, elastic_energy } = self;
+        let Self { contacts, events, counts, stretches, touches } = self;
+        let Touches { forces, points, gaps, elastic_energy } = touches;
         let arrays = [stretches, forces, points, gaps].map(|array| array.clone_ref(py));
         let events = events.iter().map(|event| event.clone_ref(py)).collect();
         (contacts.clone_ref(py), events, *counts, arrays, elastic_energy.clone_ref(py))
@@ -298,7 +298,8 @@ impl TreeTouches {
 
     pub(crate) fn of_pickled(pickled: PickledTouches) -> Self {
         let (contacts, events, counts, [stretches, forces, points, gaps], elastic_energy) = pickled;
-        Self { contacts, events, counts, stretches, forces, points, gaps, elastic_energy }
+        let touches = Touches { forces, points, gaps, elastic_energy };
+        Self { contacts, events, counts, stretches, touches }
     }
 
     /// Of the states and events of a run.
@@ -311,23 +312,18 @@ impl TreeTouches {
         counts: (u64, u64, u64),
     ) -> Result<Self, Error> {
         let (n, count) = (states.len(), system.contacts().len());
-        let touches: Vec<Vec<ContactState>> = states.iter().map(|x| system.touches(x)).collect();
-        let vectors = |of: fn(&ContactState) -> Vector3<f64>| -> PyResult<Py<PyAny>> {
-            let numbers = touches.iter().flatten().flat_map(|touch| <[f64; 3]>::from(of(touch))).collect();
-            Ok(array(py, numbers, &[n, count, 3])?.into_any().unbind())
-        };
-        let gaps = touches.iter().flatten().map(|touch| touch.gap).collect();
-        let elastic = states.iter().map(|x| system.ledger(x).elastic).collect();
+        let stretches = states.iter().flat_map(|x| x.variables().iter().flatten().copied()).collect();
         let listed = events.iter().map(|event| Self::event(py, system, event));
         Ok(Self {
             contacts: given.listed(py)?,
             events: listed.collect::<Result<_, _>>()?,
             counts,
-            stretches: vectors(|touch| touch.stretch)?,
-            forces: vectors(|touch| touch.force)?,
-            points: vectors(|touch| touch.point)?,
-            gaps: array(py, gaps, &[n, count])?.into_any().unbind(),
-            elastic_energy: array(py, elastic, &[n])?.into_any().unbind(),
+            stretches: array(py, stretches, &[n, count, 3])?.into_any().unbind(),
+            touches: Touches::of(
+                py,
+                count,
+                states.iter().map(|x| (system.touches(x), system.ledger(x).elastic)),
+            )?,
         })
     }
 

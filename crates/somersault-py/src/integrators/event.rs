@@ -8,7 +8,6 @@ use crate::integrators::seen::Seen;
 use pyo3::prelude::*;
 use somersault::contact::event::EventKind;
 use somersault::integrators::events;
-use somersault::integrators::nalgebra::Vector3;
 
 /// The events of a run, and what it took to find them.
 pub(crate) struct Events<Q: Seen> {
@@ -22,14 +21,12 @@ pub(crate) struct Events<Q: Seen> {
     pub(crate) contacts: usize,
     /// Those kept.
     pub(crate) events: Vec<events::Event<Q, EventKind>>,
-    /// Stretches of the contacts in the state reached, m.
-    pub(crate) stretches: Vec<Vector3<f64>>,
 }
 
 impl<Q: Seen> Events<Q> {
     /// Of a run that looks for none.
     pub(crate) fn none() -> Self {
-        Self { trials: 0, substeps: 0, count: 0, contacts: 1, events: Vec::new(), stretches: Vec::new() }
+        Self { trials: 0, substeps: 0, count: 0, contacts: 0, events: Vec::new() }
     }
 }
 

@@ -67,10 +67,8 @@ impl<S: Touching<Configuration: Seen> + Evaluated + Sync> Bodies for InContact<S
                 (Err(reason.into()), so_far)
             }
         };
-        let Located { rejected, trials, substeps, event_count, events, state, .. } = located;
-        let stretches = state.rate.variables;
-        let events =
-            Events { trials, substeps, count: event_count, contacts: self.contacts, events, stretches };
+        let Located { rejected, trials, substeps, event_count, events, .. } = located;
+        let events = Events { trials, substeps, count: event_count, contacts: self.contacts, events };
         Ended { status, rejected, nfev: self.system.0.evaluations(), events }
     }
 }

@@ -21,6 +21,13 @@ pub(crate) trait Seen: Poses {
         Self: Configuration;
     /// Curves for dense output.
     fn curves(recorded: solution::Solution<Self>) -> Curves;
+    /// The stretches of contacts in a state, where it has any.
+    fn stretches(_: &StateOf<Self>) -> &[Vector3<f64>]
+    where
+        Self: Configuration,
+    {
+        &[]
+    }
 }
 
 /// Recorded curves of one body or of several.
@@ -74,6 +81,9 @@ impl<Q: Seen> Seen for Augmented<Q> {
     }
     fn split(x: &StateOf<Self>) -> Vec<RigidBodyState> {
         Q::split(&x.base())
+    }
+    fn stretches(x: &StateOf<Self>) -> &[Vector3<f64>] {
+        x.variables()
     }
     fn curves(recorded: solution::Solution<Self>) -> Curves {
         let solution::Solution { times, states, segments } = recorded;

@@ -1,20 +1,28 @@
 //! What an integration leaves: states over time, and what is derived from them.
 
+use crate::contact::touches::Touches;
+use crate::core::callable::Failure;
 use crate::core::convert::{a_type, any_vectors, array, components, quaternions, rotation, sequence, times};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, value};
 use crate::integrators::bodies::{RigidBody, State};
 use crate::integrators::event::{Event, Events};
+use crate::integrators::forces::Reader;
 use crate::integrators::seen::{Curves, Seen};
 use crate::multibody::model::Model;
 use pyo3::exceptions::{PyIndexError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::{PyList, PyTuple, PyType};
+use somersault::contact::bodies::BodiesInContact;
+use somersault::contact::contacts::BodyInContact;
+use somersault::contact::stretches::WithStretches;
 use somersault::integrators::body;
+use somersault::integrators::counted::Counted;
+use somersault::integrators::force::BoxedForce;
 use somersault::integrators::nalgebra::Vector3;
 use somersault::integrators::solution;
-use somersault::integrators::state::RigidBodyState;
+use somersault::integrators::state::{self, RigidBodyState};
 use std::sync::Arc;
 
 /// One body or several. Where there is one, arrays have no axis for bodies.
@@ -399,8 +407,18 @@ struct Log {
     events: Py<PyTuple>,
     count: u64,
     trials: u64,
-    stretches: Vec<Vector3<f64>>,
     substeps: u64,
+    /// Contacts that were located.
+    contacts: usize,
+    /// Their stretches at the first time, then at the second, …
+    stretches: Vec<Vector3<f64>>,
+}
+
+impl Log {
+    /// The stretches at time `k`.
+    fn stretches_at(&self, k: usize) -> Vec<Vector3<f64>> {
+        self.stretches[k * self.contacts..(k + 1) * self.contacts].to_vec()
+    }
 }
 
 /// The contacts that a run was given.
@@ -463,6 +481,8 @@ pub(crate) struct Solution {
     /// None where it was read from a file that does not have them.
     given: Option<Given>,
     dense: Option<Py<DenseOutput>>,
+    /// What contacts did, computed when it is first requested.
+    touches: PyOnceLock<Option<Touches>>,
 }
 
 impl Solution {
@@ -476,10 +496,12 @@ impl Solution {
         events: Events<Q>,
         given: Given,
     ) -> PyResult<Py<Self>> {
-        let Events { trials, substeps, count, contacts, events, stretches } = events;
+        let Events { trials, substeps, count, contacts, events } = events;
         let events =
             events.iter().map(|event| Event::of(py, contacts, event)).collect::<PyResult<Vec<_>>>()?;
-        let log = Log { events: PyTuple::new(py, events)?.unbind(), count, trials, substeps, stretches };
+        let stretches = recorded.states.iter().flat_map(Q::stretches).copied().collect();
+        let events = PyTuple::new(py, events)?.unbind();
+        let log = Log { events, count, trials, substeps, contacts, stretches };
         let times = std::mem::take(&mut recorded.times);
         let states = recorded.states.iter().flat_map(Q::split).collect();
         let dense = if dense {
@@ -492,8 +514,52 @@ impl Solution {
             None
         };
         let trajectory = Trajectory::new(cast, times, states);
-        let own = Self { report, log, given: Some(given), dense };
+        let own = Self { report, log, given: Some(given), dense, touches: PyOnceLock::new() };
         Py::new(py, PyClassInitializer::from(trajectory).add_subclass(own))
+    }
+
+    /// An array of what contacts did.
+    fn of_touches(
+        slf: &Bound<'_, Self>,
+        of: impl Fn(&Touches) -> &Py<PyAny>,
+    ) -> Result<Option<Py<PyAny>>, Error> {
+        let (py, own) = (slf.py(), slf.get());
+        let found = own.touches.get_or_try_init(py, || own.find_touches(py, slf.as_super().get()))?;
+        Ok(found.as_ref().map(|found| of(found).clone_ref(py)))
+    }
+
+    /// What contacts did at all times, by the laws that the run was given.
+    fn find_touches(&self, py: Python<'_>, base: &Trajectory) -> Result<Option<Touches>, Error> {
+        let Some(given) = self.given.as_ref().filter(|_| self.log.contacts > 0) else { return Ok(None) };
+        let failure = Failure::default();
+        let mut reader = Reader { failure: failure.clone(), calls_python: false };
+        let (contacts, pairs) = (given.contacts.bind(py), given.pairs.bind(py));
+        let Cast { bodies, single } = &base.cast;
+        let found = if *single {
+            let contacts = reader.contacts("contacts", contacts)?;
+            let none: Counted<Vec<BoxedForce>> = Counted::new(Vec::new());
+            let system = WithStretches(BodyInContact::new(bodies[0], (none, contacts)));
+            let rows = base.states.iter().enumerate().map(|(k, x)| {
+                let x = state::State::augmented(*x, self.log.stretches_at(k));
+                (system.touches(&x), system.energy(&x))
+            });
+            Touches::of(py, self.log.contacts, rows)?
+        } else {
+            let n = bodies.len();
+            let contacts = (contacts.len() > 0).then_some(contacts);
+            let contacts = reader.body_contacts(n, contacts.map(|given| given.as_any()), Some(pairs))?;
+            let none = (0..n).map(|_| Counted::<Vec<BoxedForce>>::new(Vec::new())).collect();
+            let system = WithStretches(BodiesInContact::try_new(bodies.clone(), none, contacts)?);
+            let rows = base.states.chunks(n).enumerate().map(|(k, each)| {
+                let x = state::State::augmented(state::State::from_bodies(each), self.log.stretches_at(k));
+                (system.touches(&x), system.energy(&x))
+            });
+            Touches::of(py, self.log.contacts, rows)?
+        };
+        match failure.get() {
+            Some(error) => Err(error.clone_ref(py).into()),
+            None => Ok(Some(found)),
+        }
     }
 }
 
@@ -536,13 +602,41 @@ value! {
 
 #[pymethods]
 impl Solution {
-    /// ndarray, shape (contacts, 3): The stretch of the friction of each contact in the last state, m, world frame,
-    /// zero where it has none: what a run that continues from there takes as `stretches`.
+    /// ndarray, shape (n, contacts, 3), or None: Stretches of the friction of contacts that are located, those of pairs last, m, world
+    /// frame, zero where there are none. A run that continues from the last state takes the last row as `stretches`.
     #[getter]
-    fn stretches<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let stretches = &self.log.stretches;
+    fn stretches<'py>(slf: &Bound<'py, Self>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let Log { contacts, stretches, .. } = &slf.get().log;
+        if *contacts == 0 {
+            return Ok(None);
+        }
         let values: Vec<f64> = stretches.iter().flatten().copied().collect();
-        Ok(array(py, values, &[stretches.len(), 3])?.into_any())
+        Ok(Some(array(slf.py(), values, &[stretches.len() / contacts, *contacts, 3])?.into_any()))
+    }
+
+    /// ndarray, shape (n, contacts, 3), or None: Forces of contacts on the bodies, on the first of a pair, world frame, N. Like points,
+    /// gaps and energy computed when it is first requested; None where no contacts were located, or `contacts` is None.
+    #[getter]
+    fn contact_forces(slf: &Bound<'_, Self>) -> Result<Option<Py<PyAny>>, Error> {
+        Self::of_touches(slf, |found| &found.forces)
+    }
+
+    /// ndarray, shape (n, contacts, 3), or None: Points of contact, world frame, m.
+    #[getter]
+    fn contact_points(slf: &Bound<'_, Self>) -> Result<Option<Py<PyAny>>, Error> {
+        Self::of_touches(slf, |found| &found.points)
+    }
+
+    /// ndarray, shape (n, contacts), or None: Gaps, m, negative inside the surface.
+    #[getter]
+    fn gaps(slf: &Bound<'_, Self>) -> Result<Option<Py<PyAny>>, Error> {
+        Self::of_touches(slf, |found| &found.gaps)
+    }
+
+    /// ndarray, shape (n,), or None: Energy of the springs of contacts and friction, J.
+    #[getter]
+    fn elastic_energy(slf: &Bound<'_, Self>) -> Result<Option<Py<PyAny>>, Error> {
+        Self::of_touches(slf, |found| &found.elastic_energy)
     }
 
     fn __repr__(slf: &Bound<'_, Self>) -> String {
@@ -556,9 +650,9 @@ impl Solution {
         let py = slf.py();
         let Report { status, message, nfev, n_steps, n_rejected } = slf.get().report.clone();
         let base = PyTuple::new(py, slf.as_super().get().arguments(py)?)?;
-        let Log { events, count, trials, substeps, stretches } = &slf.get().log;
+        let Log { events, count, trials, substeps, contacts, stretches } = &slf.get().log;
         let stretches: Vec<[f64; 3]> = stretches.iter().map(|&stretch| stretch.into()).collect();
-        let log = (events, *count, *trials, *substeps, stretches);
+        let log = (events, *count, *trials, *substeps, *contacts, stretches);
         let given = slf.get().given.as_ref().map(|given| given.written(py)).transpose()?.flatten();
         by_restore(slf, (base, (status, message, nfev, n_steps, n_rejected), log, given))
     }
@@ -570,18 +664,22 @@ impl Solution {
         py: Python<'_>,
         arrays: [Bound<'_, PyAny>; 6],
         report: (i32, String, u64, u64, u64),
-        log: (Py<PyTuple>, u64, u64, u64, Vec<[f64; 3]>),
+        log: (Py<PyTuple>, u64, u64, u64, usize, Vec<[f64; 3]>),
         given: Option<(Py<PyTuple>, Py<PyTuple>)>,
     ) -> Result<Py<Self>, Error> {
         let [body, t, position, quaternion, velocity, angular_velocity] = &arrays;
         let base = Trajectory::from_arrays(body, t, position, quaternion, velocity, angular_velocity)?;
         let (status, message, nfev, n_steps, n_rejected) = report;
         let report = Report { status, message, nfev, n_steps, n_rejected };
-        let (events, count, trials, substeps, stretches) = log;
+        let (events, count, trials, substeps, contacts, stretches) = log;
+        if stretches.len() != contacts * base.times.len() {
+            let (n, found) = (contacts * base.times.len(), stretches.len());
+            return Err(Error::input(format!("`log` must have {n} stretches, found {found}")));
+        }
         let stretches = stretches.into_iter().map(Vector3::from).collect();
-        let log = Log { events, count, trials, substeps, stretches };
+        let log = Log { events, count, trials, substeps, contacts, stretches };
         let given = given.map(|(contacts, pairs)| Given { contacts, pairs });
-        let own = Self { report, log, given, dense: None };
+        let own = Self { report, log, given, dense: None, touches: PyOnceLock::new() };
         Ok(Py::new(py, PyClassInitializer::from(base).add_subclass(own))?)
     }
 }

@@ -223,13 +223,13 @@ value! {
         /// ndarray, shape (n, contacts, 3), or None: Stretches of friction, m, world frame.
         stretches: Option<Py<PyAny>> = |own, py| own.touching(py, |found| &found.stretches);
         /// ndarray, shape (n, contacts, 3), or None: Forces of contacts on the links, on the first of a pair, world frame, N.
-        contact_forces: Option<Py<PyAny>> = |own, py| own.touching(py, |found| &found.forces);
+        contact_forces: Option<Py<PyAny>> = |own, py| own.touching(py, |found| &found.touches.forces);
         /// ndarray, shape (n, contacts, 3), or None: Points of contact, world frame, m.
-        contact_points: Option<Py<PyAny>> = |own, py| own.touching(py, |found| &found.points);
+        contact_points: Option<Py<PyAny>> = |own, py| own.touching(py, |found| &found.touches.points);
         /// ndarray, shape (n, contacts), or None: Gaps, m, negative inside the surface.
-        gaps: Option<Py<PyAny>> = |own, py| own.touching(py, |found| &found.gaps);
+        gaps: Option<Py<PyAny>> = |own, py| own.touching(py, |found| &found.touches.gaps);
         /// ndarray, shape (n,), or None: Energy of the springs of contacts and friction, J.
-        elastic_energy: Option<Py<PyAny>> = |own, py| own.touching(py, |found| &found.elastic_energy);
+        elastic_energy: Option<Py<PyAny>> = |own, py| own.touching(py, |found| &found.touches.elastic_energy);
     }
 }
 
