@@ -74,6 +74,7 @@
 //! Circuits Syst. I 47 (2000) 204; M. di Bernardo, C. Budd, A. Champneys and P. Kowalczyk,
 //! *Piecewise-smooth Dynamical Systems* (2008), section 2.5.
 
+mod adjoint;
 mod body;
 mod collect;
 mod differentiable;
@@ -81,10 +82,13 @@ mod forms;
 mod grazing;
 mod outcome;
 mod parameter;
+mod record;
 mod run;
 mod system;
+mod transposed;
 mod tree;
 
+pub use adjoint::{EndCost, RecordedResult, RecordedRun, RunningCost, TreeGradient};
 pub use differentiable::{Collected, Differentiable, VariedOf};
 pub use forms::{VariedForms, VariedPose, VariedState};
 pub use grazing::{Grazing, Side};
