@@ -100,7 +100,7 @@ impl Observer<Moving> for Recording<'_, '_> {
     }
 }
 
-impl<'a, 'm, F, D, M> SensitivityRun<'a, TreeInContact<'m, F, D>, M>
+impl<'a, 'm, F, D, M> SensitivityRun<'a, '_, TreeInContact<'m, F, D>, M>
 where
     F: TreeForces,
     D: JointDrive,
@@ -193,7 +193,7 @@ impl<'a, 'm, F: TreeForces, D: JointDrive, M> RecordedRun<'a, 'm, F, D, M> {
     ///
     /// Errors: lengths that do not fit, a way that was stopped, and numbers that are not finite.
     pub fn gradient<'w>(
-        &self,
+        &mut self,
         cost: &EndCost<'_>,
         running: Option<RunningCost<'w>>,
         watch: &'w mut dyn FnMut(f64) -> Flow,

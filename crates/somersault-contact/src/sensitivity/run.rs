@@ -34,16 +34,16 @@ pub type SensitivityResult<S = Sensitivities> = Result<S, Box<Undifferentiated<S
 /// Cost: one and a half to two runs without columns for each column (the spinning top by `rkmk8` and `rkmk`),
 /// which is what central differences take.
 #[must_use = "a run begins with a state, `from`"]
-pub struct SensitivityRun<'a, S: Differentiable, M> {
+pub struct SensitivityRun<'a, 'o, S: Differentiable, M> {
     pub(super) system: &'a S,
     pub(super) differentiation: &'a Differentiation,
     pub(super) method: M,
     pub(super) steps: Steps,
     pub(super) location: Location,
-    pub(super) observer: Option<&'a mut dyn Observer<VariedOf<S>>>,
+    pub(super) observer: Option<&'o mut dyn Observer<VariedOf<S>>>,
 }
 
-impl<'a, S: Differentiable> SensitivityRun<'a, S, ByMethod> {
+impl<'a, S: Differentiable> SensitivityRun<'a, '_, S, ByMethod> {
     /// By a method of the table, with the default [`Options`].
     pub fn new(
         system: &'a S,
@@ -60,7 +60,7 @@ impl<'a, S: Differentiable> SensitivityRun<'a, S, ByMethod> {
     }
 }
 
-impl<'a, 'm, S: Differentiable, M> SensitivityRun<'a, S, ByStepper<'m, M>> {
+impl<'a, 'm, S: Differentiable, M> SensitivityRun<'a, '_, S, ByStepper<'m, M>> {
     /// By any method; its steps are fixed.
     pub fn by_stepper(
         system: &'a S,
@@ -72,7 +72,7 @@ impl<'a, 'm, S: Differentiable, M> SensitivityRun<'a, S, ByStepper<'m, M>> {
     }
 }
 
-impl<'a, 'm, S: Differentiable, M> SensitivityRun<'a, S, ByEmbeddedStepper<'m, M>> {
+impl<'a, 'm, S: Differentiable, M> SensitivityRun<'a, '_, S, ByEmbeddedStepper<'m, M>> {
     /// By any method that estimates its error; its steps are fixed or adapted.
     pub fn by_embedded_stepper(
         system: &'a S,
@@ -84,7 +84,7 @@ impl<'a, 'm, S: Differentiable, M> SensitivityRun<'a, S, ByEmbeddedStepper<'m, M
     }
 }
 
-impl<'a, S: Differentiable, M> SensitivityRun<'a, S, M> {
+impl<'a, 'o, S: Differentiable, M> SensitivityRun<'a, 'o, S, M> {
     fn by(system: &'a S, differentiation: &'a Differentiation, method: M, steps: impl Into<Steps>) -> Self {
         let (steps, location) = (steps.into(), Location::default());
         Self { system, differentiation, method, steps, location, observer: None }
@@ -97,7 +97,7 @@ impl<'a, S: Differentiable, M> SensitivityRun<'a, S, M> {
 
     /// Shows each committed step to an observer, which may stop the run: the states have their columns, those of the
     /// initial state, then those of the parameters.
-    pub fn observed_by(self, observer: &'a mut dyn Observer<VariedOf<S>>) -> Self {
+    pub fn observed_by(self, observer: &'o mut dyn Observer<VariedOf<S>>) -> Self {
         Self { observer: Some(observer), ..self }
     }
 

@@ -75,7 +75,7 @@ fn against_columns<F: TreeForces, D: JointDrive>(
     (method, steps): (Method, Steps),
 ) -> (f64, u64) {
     let found = SensitivityRun::new(system, by, method, steps).from(start).unwrap();
-    let recorded = SensitivityRun::new(system, by, method, steps).recorded_from(start).unwrap();
+    let mut recorded = SensitivityRun::new(system, by, method, steps).recorded_from(start).unwrap();
     assert_eq!(recorded.run().state, found.run.state, "{method}");
     let times =
         |events: &[Event<_, _>]| events.iter().map(|event| (event.t, event.guard)).collect::<Vec<_>>();
@@ -176,7 +176,7 @@ fn the_gradient_of_a_running_cost_is_that_of_what_it_gathers() {
     let (system, start) = (leg.in_contact().unwrap(), leg.start().unwrap());
     let by = Differentiation::by(of_leg());
     let grid = TimeGrid::try_new(0.0, 0.2, 1e-3).unwrap();
-    let recorded = SensitivityRun::new(&system, &by, Method::Rkmk8, grid).recorded_from(&start).unwrap();
+    let mut recorded = SensitivityRun::new(&system, &by, Method::Rkmk8, grid).recorded_from(&start).unwrap();
     let (none, mut knee) = ([0.0; 5], [0.0; 5]);
     knee[4] = 1.0;
     let of_end = |by_motion| EndCost { by_motion, by_velocity: &none, by_event_times: &[] };
@@ -210,7 +210,7 @@ fn what_has_no_adjoint_is_refused() {
         };
         assert_eq!(method, name);
     }
-    let recorded = SensitivityRun::new(&system, &by, Method::Rkmk, grid).recorded_from(&start).unwrap();
+    let mut recorded = SensitivityRun::new(&system, &by, Method::Rkmk, grid).recorded_from(&start).unwrap();
     let none = [0.0; 5];
     let cost = EndCost { by_motion: &none, by_velocity: &none, by_event_times: &[] };
     for wrong in [

@@ -102,15 +102,19 @@ impl TorqueProfile {
     pub fn values(&self) -> &DMatrix<f64> {
         &self.values
     }
+
+    /// The force of a degree of freedom at a time; zero beyond them.
+    pub fn force(&self, dof: usize, t: f64) -> f64 {
+        let (knot, part) = self.knots.place(t);
+        let ends = [(knot, 1.0 - part), (knot + 1, part)];
+        ends.map(|(at, weight)| weight * self.values.get((dof, at)).copied().unwrap_or(0.0)).iter().sum()
+    }
 }
 
 impl TreeForces for TorqueProfile {
     fn add_torque(&self, t: f64, _: &[f64], _: &[f64], torque: &mut [f64]) {
-        let (knot, part) = self.knots.place(t);
-        for (at, weight) in [(knot, 1.0 - part), (knot + 1, part)] {
-            if at < self.values.ncols() && weight != 0.0 {
-                torque.iter_mut().zip(self.values.column(at).iter()).for_each(|(sum, x)| *sum += weight * x);
-            }
+        for (dof, sum) in torque.iter_mut().enumerate() {
+            *sum += self.force(dof, t);
         }
     }
 
