@@ -3,14 +3,14 @@
 
 use super::differentiable::Differentiable;
 use crate::laws::ContactMode;
-use crate::linearized::At;
+use crate::linearized::{At, Linearized};
 use somersault_integrators::augmented::{Augmented, AugmentedRate};
 use somersault_integrators::state::{Configuration as _, Rate as _, State};
 use somersault_multibody::motion::{Coordinates, Rates};
 use std::collections::TryReserveError;
 
 /// A state with stretches.
-type StateOf<S> = State<Augmented<<S as crate::linearized::Linearized>::Moved>>;
+type StateOf<S> = State<Augmented<<S as Linearized>::Moved>>;
 
 /// A passage from one mode to another.
 #[derive(Debug)]

@@ -5,15 +5,16 @@
 
 use super::parameter::{FoundParameter, Parameter};
 use super::system::{Margin, Passing};
-use crate::laws::{ContactChange, ContactMode, Encounter, LawParameter};
-use crate::linearized::{At, LinearizedRoom};
+use crate::carrier::Frame;
+use crate::laws::{ContactChange, ContactLaw, ContactMode, Encounter, LawParameter};
+use crate::linearized::{At, Linearized, LinearizedRoom};
 use crate::tree::{LinkLinearization, TreeInContact, TreeRoom};
 use nalgebra::Vector3;
 use somersault_integrators::augmented::AugmentedRate;
 use somersault_integrators::force::Wrench;
 use somersault_integrators::state::{Rate, Twist};
 use somersault_integrators::variation::Tangent;
-use somersault_multibody::motion::{JointDrive, Rates, TreeAdjoint, TreeForces};
+use somersault_multibody::motion::{Coordinates, JointDrive, Rates, TreeAdjoint, TreeForces};
 
 /// A covector on a tangent to a state with stretches.
 #[derive(Debug, Clone)]
@@ -54,7 +55,7 @@ pub(super) struct Transposed {
 /// A contact in a state, and what its efforts are weighed by.
 struct Weighed<'a> {
     of: &'a LinkLinearization,
-    law: &'a crate::laws::ContactLaw,
+    law: &'a ContactLaw,
     mode: &'a ContactMode,
     effort: Wrench,
     stretch: Vector3<f64>,
@@ -66,7 +67,6 @@ impl Transposed {
         system: &TreeInContact<'_, F, D>,
         like: &AugmentedRate<Rates>,
     ) -> Self {
-        use crate::linearized::Linearized;
         Self {
             room: LinearizedRoom::new(system.room()),
             adjoint: TreeAdjoint::new(system.model()),
@@ -155,7 +155,6 @@ impl Transposed {
         weight: impl Fn(usize) -> f64,
         (costate, by): (&mut Costate, &mut [f64]),
     ) {
-        use crate::linearized::Linearized;
         let Self { room: LinearizedRoom { system: w, .. }, adjoint, slope, response, units } = self;
         system.linearize(w, (before, true), t, x, slope);
         for contact in (0..before.len()).rev() {
@@ -221,7 +220,7 @@ impl Transposed {
     pub(super) fn add_joints<F: TreeForces, D: JointDrive>(
         &mut self,
         system: &TreeInContact<'_, F, D>,
-        (q, v): (&somersault_multibody::motion::Coordinates, &[f64]),
+        (q, v): (&Coordinates, &[f64]),
         covectors: (&[f64], &[f64]),
         out: &mut Costate,
     ) {
@@ -235,7 +234,7 @@ impl Weighed<'_> {
     fn product(
         &self,
         adjoint: &TreeAdjoint,
-        frames: &[crate::carrier::Frame],
+        frames: &[Frame],
         tangents: &[Tangent<Twist>],
         along: &ContactChange<'_>,
     ) -> f64 {
@@ -252,7 +251,7 @@ impl Weighed<'_> {
     fn by_law(
         &self,
         adjoint: &TreeAdjoint,
-        frames: &[crate::carrier::Frame],
+        frames: &[Frame],
         tangents: &[Tangent<Twist>],
         parameter: LawParameter,
     ) -> f64 {

@@ -2,7 +2,7 @@
 
 use crate::Torques;
 use crate::gradients::touching_links;
-use crate::parameters::{driven_leg, knots};
+use crate::parameters::{driven_leg, following_arm, knots};
 use nalgebra::{Matrix3, Vector3};
 use somersault_contact::models::HoppingLeg;
 use somersault_contact::sensitivity::{
@@ -157,6 +157,21 @@ fn the_adjoint_of_links_that_touch_is_their_columns() {
     let sprung = TreeInContact::try_new(TreeSystem::new(&model, spring), on_surfaces.to_vec(), vec![pair]);
     let (worst, _) = against_columns(&sprung.unwrap(), &start, &by, (Method::Rkmk5, steps));
     assert!(worst < 1e-8, "{worst:e}");
+}
+
+#[test]
+fn the_adjoint_of_joints_that_follow_others_is_their_columns() {
+    let (model, tip, start) = following_arm();
+    let system = TreeInContact::try_new(TreeSystem::new(&model, ()), vec![tip], vec![]).unwrap();
+    let by = Differentiation::by([
+        Parameter::friction(0, "coefficient"),
+        Parameter::JointForce(1),
+        Parameter::Tree(TreeParameter::Center(2, Vector3::new(0.3, 0.1, -0.8))),
+        Parameter::Tree(TreeParameter::Placement(2, Vector3::new(0.2, 0.0, -1.0))),
+    ]);
+    let steps = TimeGrid::try_new(0.0, 0.4, 1e-3).unwrap().into();
+    let (worst, events) = against_columns(&system, &start, &by, (Method::Rkmk8, steps));
+    assert!(events > 2 && worst < 1e-10, "{events} {worst:e}");
 }
 
 #[test]

@@ -3,16 +3,25 @@
 use crate::Torques;
 use crate::gradients::{between, column, differentiate, error, error_by_state, reached, touching_links};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
+use somersault_contact::contacts::Contact;
 use somersault_contact::event::EventKind;
+use somersault_contact::laws::ContactLaw;
+use somersault_contact::laws::compliant::CompliantLaw;
+use somersault_contact::laws::coulomb::CoulombFriction;
 use somersault_contact::models::HoppingLeg;
 use somersault_contact::sensitivity::{Differentiation, Parameter, SensitivityError, SensitivityRun};
-use somersault_contact::tree::TreeInContact;
-use somersault_integrators::driver::TimeGrid;
+use somersault_contact::surface::HalfSpace;
+use somersault_contact::tree::{LinkContact, TreeInContact};
+use somersault_integrators::driver::{Adaptive, Steps, TimeGrid};
+use somersault_integrators::events::Location;
 use somersault_integrators::methods::Method;
+use somersault_integrators::run::Run;
+use somersault_integrators::state::State;
 use somersault_multibody::motion::{
     Between, BodyWrenches, JointDrive, Knots, TorqueProfile, TreeForces, TreeState, TreeSystem,
 };
-use somersault_multibody::{Force, Link, Model, Split, TreeParameter, Velocities};
+use somersault_multibody::{Force, Joint, Link, MassProperties, Model, Split, TreeParameter, Velocities};
+use std::sync::Arc;
 
 /// The error of the last column of a derivative against differences of the runs of systems that a number makes.
 fn error_by_number(
@@ -48,7 +57,7 @@ fn derivatives_by_masses_centres_inertias_and_lengths_are_differences_of_runs() 
     let along = *example.model.links()[shank].mass_properties();
     let along = along.center / along.center.norm();
     let axis = match example.model.joint(shank).unwrap() {
-        somersault_multibody::Joint::Revolute { axis } => *axis,
+        Joint::Revolute { axis } => *axis,
         other => panic!("{other:?}"),
     };
     type Change = fn(&mut HoppingLeg, f64);
@@ -92,6 +101,10 @@ fn with(model: &Model, of: &TreeParameter, by: f64) -> Model {
             Some(parent) => Link::child(link.name(), parent, *link.joint(), mass),
             None => Link::root(link.name(), *link.joint(), mass),
         };
+        let made = link
+            .mimic()
+            .iter()
+            .fold(made, |made, mimic| made.following(mimic.leader.clone(), mimic.multiplier, mimic.offset));
         builder.add(made.at(origin).turned(*link.orientation())).unwrap();
     }
     builder.build().unwrap()
@@ -122,6 +135,52 @@ fn derivatives_of_links_that_touch_by_what_describes_them_are_differences_of_run
     for (i, (of, step)) in cases.iter().enumerate() {
         let run = |by: f64, start: &TreeState, grid| touching(&with(&model, of, by), start, grid);
         let worst = error_by_number((&model, &start, grid), &column(&found, 30 + i), &end, *step, run);
+        assert!(worst < 1e-7, "{of:?}: {worst:e}");
+    }
+}
+
+/// An arm on a cart whose second hinge follows the first; its tip slides on the ground. The tree, its contact, and where it starts.
+pub(crate) fn following_arm() -> (Model, LinkContact, TreeState) {
+    let rod = |mass: f64| MassProperties::rod(mass, Vector3::zeros(), Vector3::x() * 0.4);
+    let hinge = Joint::Revolute { axis: Vector3::y() };
+    let cart = MassProperties::point(1.5, Vector3::zeros());
+    let mut builder = Model::builder();
+    builder
+        .add(Link::root("cart", Joint::Prismatic { axis: Vector3::x() }, cart).at(Vector3::z() * 0.5))
+        .unwrap();
+    builder.add(Link::child("upper", "cart", hinge, rod(0.7))).unwrap();
+    let lower = Link::child("lower", "upper", hinge, rod(0.4)).at(Vector3::x() * 0.4);
+    builder.add(lower.following("upper", 0.6, 0.2)).unwrap();
+    let law = ContactLaw::from(CompliantLaw::try_new(5e3, 20.0).unwrap());
+    let law = law.with_friction(CoulombFriction::try_new(0.3, 4e3, 30.0).unwrap());
+    let tip = Contact::try_new(Vector3::x() * 0.4, Arc::new(HalfSpace::ground()), law).unwrap();
+    let model = builder.build().unwrap();
+    let start = model.state(&[0.0, 0.2], &[0.6, 0.5]).unwrap();
+    (model, LinkContact::new("tip", "lower", tip), start)
+}
+
+#[test]
+fn derivatives_of_joints_that_follow_others_are_differences_of_runs() {
+    let (model, tip, start) = following_arm();
+    fn touching<'m>(model: &'m Model, tip: &LinkContact) -> TreeInContact<'m> {
+        TreeInContact::try_new(TreeSystem::new(model, ()), vec![tip.clone()], vec![]).unwrap()
+    }
+    let grid = TimeGrid::try_new(0.0, 0.4, 5e-4).unwrap();
+    let cases = [
+        (TreeParameter::Mass(2), 1e-4),
+        (TreeParameter::Placement(2, Vector3::new(0.6, 0.0, -0.7)), 1e-6),
+        (TreeParameter::Placement(1, Vector3::z()), 1e-6),
+    ];
+    let system = touching(&model, &tip);
+    let found = differentiate(&system, &start, cases.map(|(of, _)| Parameter::Tree(of)), grid);
+    assert!(found.run.event_count > 2, "{}", found.run.event_count);
+    let worst = error_by_state(&system, &start, &found, grid);
+    assert!(worst < 1e-7, "by the state: {worst:e}");
+    let end = found.run.state.base();
+    for (i, (of, step)) in cases.iter().enumerate() {
+        let run =
+            |by: f64, start: &TreeState, grid| reached(&touching(&with(&model, of, by), &tip), start, grid);
+        let worst = error_by_number((&model, &start, grid), &column(&found, 4 + i), &end, *step, run);
         assert!(worst < 1e-7, "{of:?}: {worst:e}");
     }
 }
@@ -199,6 +258,45 @@ fn derivatives_of_a_leg_with_a_driven_joint_are_differences_of_runs() {
         };
         let worst = error_by_number(of_run, &column(&found, 10 + i), &end, step, run);
         assert!(worst < 1e-7, "by parameter {i}: {worst:e}");
+    }
+}
+
+/// A mass on a slider is pushed by x = Σ of the integrals of the profile, of degree two between held values and three on lines:
+/// exact by a method of order 4 in steps that end at the knots, wherever they are.
+#[test]
+fn steps_end_at_the_knots_of_a_profile() {
+    let mut builder = Model::builder().with_gravity(Vector3::zeros());
+    let mass = MassProperties::point(2.0, Vector3::zeros());
+    let joint = Joint::Prismatic { axis: Vector3::x() };
+    builder.add(Link::root("mass", joint, mass)).unwrap();
+    let model = builder.build().unwrap();
+    let times = [0.0, 0.137, 0.311, 0.4];
+    let forces = [4.0, -6.0, 2.0, 3.0];
+    for between in [Between::Line, Between::Hold] {
+        let (mut x, mut v) = (0.0, 0.5);
+        for i in 0..3 {
+            let h = times[i + 1] - times[i];
+            let slope = if between == Between::Line { (forces[i + 1] - forces[i]) / h } else { 0.0 };
+            x += h * v + h * h * (forces[i] / 2.0 + h * slope / 6.0) / 2.0;
+            v += h * (forces[i] + h * slope / 2.0) / 2.0;
+        }
+        // After the last knot its force stays.
+        (x, v) = (x + 0.1 * v + 0.005 * forces[3] / 2.0, v + 0.1 * forces[3] / 2.0);
+        let profile = TorqueProfile::try_new(
+            Knots::try_new(&times, between).unwrap(),
+            DMatrix::from_row_slice(1, 4, &forces),
+        );
+        let system =
+            TreeInContact::try_new(TreeSystem::new(&model, profile.unwrap()), vec![], vec![]).unwrap();
+        let start = system.unstretched(model.state(&[0.0], &[0.5]).unwrap());
+        let fixed: Steps = TimeGrid::try_new(0.0, 0.5, 0.03).unwrap().into();
+        let adapted = Steps::adapted((0.0, 0.5), Adaptive::default());
+        for (method, steps) in [(Method::Rk4, fixed), (Method::Rkmk5, fixed), (Method::Rkmk8, adapted)] {
+            let end = Run::new(&system, method, steps).locating(Location::default()).from(&start).unwrap();
+            let State { configuration, rate } = end.state.base();
+            let errors = [configuration.as_slice()[0] - x, rate.as_slice()[0] - v];
+            assert!(errors.iter().all(|error| error.abs() < 1e-14), "{between:?} {method}: {errors:?}");
+        }
     }
 }
 

@@ -3,7 +3,9 @@
 use crate::contact::tree::{LinkEvent, TreeTouches};
 use crate::contact::tree_sensitivity::{Arguments, Prepared};
 use crate::core::callable::{Failure, call, callable_name, check_callable};
-use crate::core::convert::{array, finite, finite_all, integer_or_none, interval_of, sequence, with_shape};
+use crate::core::convert::{
+    a_type, array, finite, finite_all, integer_or_none, interval_of, sequence, with_shape,
+};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, counted, value};
 use crate::core::waiting::SignalTimer;
@@ -151,7 +153,7 @@ fn value_and_derivatives<const N: usize>(
     let parts =
         sequence(returned).map(|parts| parts.try_iter()?.collect::<PyResult<Vec<_>>>()).transpose()?;
     let wrong = || {
-        let found = crate::core::convert::a_type(returned);
+        let found = a_type(returned);
         Error::input(format!("{what} must be a tuple of a number and {N} derivatives, found {found}"))
     };
     let parts = parts.filter(|parts| parts.len() == 1 + N).ok_or_else(wrong)?;
@@ -182,7 +184,8 @@ fn value_and_derivatives<const N: usize>(
 ///     Start and end time, s.
 /// cost : callable, optional
 ///     ``f(q, v)`` of the state reached, which returns its value and its derivatives by the motions of the joints, along
-///     ``model.displace(q, e_k)``, and by their velocities, each of shape (n_velocities,) or None where they are zero.
+///     ``model.displace(q, e_k)``, that of planar and free joints along the axes of their bodies, and by their velocities, each of shape
+///     (n_velocities,) or None where they are zero.
 /// dt : float, optional
 ///     Step, s. Where it is left out the steps are adapted to `rtol` and `atol` of the motion.
 /// contacts : LinkContact, LinkPair or sequence of them
@@ -234,7 +237,7 @@ fn value_and_derivatives<const N: usize>(
 ///
 /// Examples
 /// --------
-/// How far the leg has come, by the torque of its knee at twenty knots, and the work that they do:
+/// The angle of the knee at the end, by its torque at twenty knots:
 ///
 /// >>> import numpy as np
 /// >>> from somersault import contact, multibody
@@ -242,7 +245,7 @@ fn value_and_derivatives<const N: usize>(
 /// >>> times = np.linspace(0.0, 0.16, 20)
 /// >>> knee = multibody.TorqueProfile(times, [leg.torque(t, leg.q, leg.v) for t in times])
 /// >>> found = contact.gradient_tree(
-/// ...     leg.model, leg.q, leg.v, (0.0, 0.16), lambda q, v: (q[0], np.eye(5)[0], None), dt=1e-3,
+/// ...     leg.model, leg.q, leg.v, (0.0, 0.16), lambda q, v: (q[4], np.eye(5)[4], None), dt=1e-3,
 /// ...     contacts=leg.contacts, torque=knee, parameters=[("torque", 4, knee)])
 /// >>> found.by_parameters.shape
 /// (20,)

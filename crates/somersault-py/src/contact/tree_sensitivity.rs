@@ -242,7 +242,7 @@ impl Prepared {
             ));
         }
         let split = active.map_or(Ok(Split::new(vec![false; n])), |active| model.split(active))?;
-        let acceleration = Given::extract("acceleration", n, acceleration, &failure)?;
+        let acceleration = Given::accelerations(n, acceleration, &failure)?;
         let contacts = TreeContactList::extract("contacts", contacts)?;
         let plan = Plan {
             method,

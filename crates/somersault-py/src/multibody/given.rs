@@ -49,6 +49,19 @@ impl Given {
         Ok(Self { source, failure: failure.clone(), calls: AtomicU64::new(0) })
     }
 
+    /// Accelerations of driven degrees of freedom, which have no knots: steps end at those of forces.
+    pub(crate) fn accelerations(
+        n: usize,
+        value: Option<&Bound<'_, PyAny>>,
+        failure: &Failure,
+    ) -> Result<Self, Error> {
+        let found = Self::extract("acceleration", n, value, failure)?;
+        if found.has_knots() {
+            return Err(Error::input("`acceleration` must be numbers or a callable, found a TorqueProfile"));
+        }
+        Ok(found)
+    }
+
     pub(crate) fn is_callable(&self) -> bool {
         matches!(self.source, Source::Callable { .. })
     }

@@ -398,7 +398,7 @@ pub(crate) fn integrate_tree<'py>(
     let split = active.map_or(Ok(Split::new(vec![false; n])), |active| model.get().split(active))?;
     let failure = Failure::default();
     let torque = Given::extract("torque", n, torque, &failure)?;
-    let acceleration = Given::extract("acceleration", n, acceleration, &failure)?;
+    let acceleration = Given::accelerations(n, acceleration, &failure)?;
     if let Some(observer) = &observer {
         check_callable("observer", "f(t, q, v)", observer)?;
     }
