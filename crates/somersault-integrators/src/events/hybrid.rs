@@ -81,7 +81,7 @@ pub trait Hybrid: System {
     /// The first time after `t` at which the equations are not smooth, say where a force that is given at knots of time has one; none, as
     /// by default, where they are smooth at all times.
     ///
-    /// Steps end there, and the equations are asked in each for times before that alone, so that forces may jump.
+    /// Steps end there, and the equations are evaluated in each at times before that alone, so that forces may jump.
     fn next_stop(&self, _t: f64) -> Option<f64> {
         None
     }
@@ -291,7 +291,7 @@ impl<S: HybridBodies + ?Sized> HybridBodies for &S {
 pub struct Frozen<'a, H: Hybrid> {
     system: &'a H,
     mode: RefCell<H::Mode>,
-    /// The last time of which the equations are asked.
+    /// The last time at which the equations are evaluated.
     last: Cell<f64>,
 }
 
@@ -311,7 +311,7 @@ impl<'a, H: Hybrid> Frozen<'a, H> {
         stop
     }
 
-    /// The time at which the equations are asked.
+    /// The time at which the equations are evaluated.
     #[inline(always)]
     fn time(&self, t: f64) -> f64 {
         t.min(self.last.get())
