@@ -1,8 +1,8 @@
 //! Time per step of the spinning top of thesis 7.3.2: without contacts, with the guard of its tip watched in
 //! flight, and with the contact active; the time of one second with its seven events, with fixed and with adapted
 //! steps; that of a box dropped on a corner, whose friction is a law asked through its object; that of a chain of 16 links by the
-//! number of balls on it that touch the ground; and that of a body on a leg whose foot weighs 1 g, by explicit methods and by an
-//! implicit one.
+//! number of balls on it that touch the ground; that of a body on a leg whose foot weighs 1 g, by explicit methods and by an
+//! implicit one; and that of the gradient of a hop by 1, 10 and 100 numbers, by columns and by the adjoint.
 //!
 //! `cargo bench --bench contact`; criterion reports the time of one element, which is one step.
 
@@ -12,14 +12,15 @@ use somersault::contact::laws::ContactLaw;
 use somersault::contact::laws::compliant::CompliantLaw;
 use somersault::contact::laws::coulomb::CoulombFriction;
 use somersault::contact::laws::regularised::RegularisedFriction;
-use somersault::contact::models::{FallingBox, SpinningTop};
+use somersault::contact::models::{FallingBox, HoppingLeg, SpinningTop};
+use somersault::contact::sensitivity::{Differentiation, EndCost, Parameter, SensitivityRun};
 use somersault::contact::surface::HalfSpace;
 use somersault::contact::tree::{LinkContact, TreeInContact};
-use somersault::integrators::driver::{Adaptive, Steps};
+use somersault::integrators::driver::{Adaptive, Flow, Steps};
 use somersault::integrators::events::Location;
-use somersault::integrators::nalgebra::Matrix3;
+use somersault::integrators::nalgebra::{DMatrix, Matrix3};
 use somersault::integrators::stepper::Scope;
-use somersault::multibody::motion::TreeSystem;
+use somersault::multibody::motion::{Between, Knots, TorqueProfile, TreeForces, TreeSystem};
 use somersault::multibody::{Joint, Link, MassProperties, Model};
 use somersault::prelude::*;
 use std::hint::black_box;
@@ -127,6 +128,56 @@ fn contacts_of_a_tree(c: &mut Criterion) {
     group.finish();
 }
 
+/// The gradient of the knee's angle of the hopping leg after its first stance, by so many knots of its torque: by columns and by the
+/// adjoint, beside a run without either.
+fn gradient_of_a_hop(c: &mut Criterion) {
+    let leg = HoppingLeg::example().and_then(|leg| leg.system()).expect("the leg of the example");
+    let start = leg.start().expect("its start");
+    let grid = TimeGrid::try_new(0.0, 0.16, 1e-3).expect("a forward interval");
+    let profile = |knots: u32| {
+        let time = |knot: u32| 0.16 * f64::from(knot) / f64::from(knots.max(2) - 1);
+        let times: Vec<f64> = (0..knots.max(2)).map(time).collect();
+        let torque = |dof: usize, knot: usize| {
+            let mut torque = [0.0; 5];
+            leg.actuators.add_torque(times[knot], &leg.q, &leg.v, &mut torque);
+            torque[dof]
+        };
+        let knots = Knots::try_new(&times, Between::Line).expect("increasing times");
+        let values = DMatrix::from_fn(5, times.len(), torque);
+        TorqueProfile::try_new(knots, values).expect("a column for each knot")
+    };
+    let mut group = c.benchmark_group("gradient_of_a_hop");
+    for n in [1, 10, 100] {
+        let profile = profile(n as u32);
+        let by =
+            Differentiation::by(Parameter::joint_forces_at(4, profile.knots()).take(n).collect::<Vec<_>>());
+        let system =
+            TreeInContact::try_new(TreeSystem::new(&leg.model, profile), leg.contacts.clone(), vec![]);
+        let system = system.expect("the leg in contact");
+        let touching = system.unstretched(start.clone());
+        group.bench_function(format!("run/{n}"), |b| {
+            b.iter(|| {
+                Run::new(&system, Method::Rkmk8, grid)
+                    .locating(Location::default())
+                    .from(black_box(&touching))
+            })
+        });
+        group.bench_function(format!("columns/{n}"), |b| {
+            b.iter(|| SensitivityRun::new(&system, &by, Method::Rkmk8, grid).from(black_box(&start)))
+        });
+        let (knee, still) = ([0.0, 0.0, 0.0, 0.0, 1.0], [0.0; 5]);
+        let cost = EndCost { by_motion: &knee, by_velocity: &still, by_event_times: &[] };
+        group.bench_function(format!("adjoint/{n}"), |b| {
+            b.iter(|| {
+                let run = SensitivityRun::new(&system, &by, Method::Rkmk8, grid);
+                let mut recorded = run.recorded_from(black_box(&start)).expect("a hop");
+                recorded.gradient(&cost, None, &mut |_| Flow::Continue)
+            })
+        });
+    }
+    group.finish();
+}
+
 /// A body of 60 kg on a spring leg with a foot of 1 g: three stances in 1.5 s.
 fn light_foot(c: &mut Criterion) {
     let point = |mass| MassProperties::point(mass, Vector3::zeros());
@@ -166,6 +217,6 @@ criterion_group! {
         .sample_size(20)
         .warm_up_time(Duration::from_millis(200))
         .measurement_time(Duration::from_millis(600));
-    targets = steps, one_second, box_with_regularised_friction, contacts_of_a_tree, light_foot
+    targets = steps, one_second, box_with_regularised_friction, contacts_of_a_tree, light_foot, gradient_of_a_hop
 }
 criterion_main!(contact);

@@ -136,6 +136,28 @@ contact.differentiate_tree(
     torque=np.zeros(5),
     parameters=[("law.stiffness", 0), ("torque", 4)],
 )
+push = multibody.TorqueProfile([0.0, 0.1], np.zeros((2, 5)), between="line")
+push(0.05)
+contact.gradient_tree(
+    leg.model,
+    leg.q,
+    leg.v,
+    (0.0, 0.01),
+    lambda q, v: (q[1], None, np.ones(5)),
+    dt=1e-3,
+    contacts=[foot, knees],
+    running=lambda t, q, v: (v[0], None, None),
+    event_cost=lambda t: (0.0, None),
+    torque=push,
+    active=["thigh"],
+    acceleration=np.zeros(5),
+    parameters=[
+        ("mass", "thigh"),
+        ("torque", 4, push),
+        ("origin", "shank", (0, 0, 1)),
+        ("inertia", "body", np.eye(3)),
+    ],
+)
 contact.differentiate(
     body, state, (0.0, 0.05), dt=1e-3, contacts=[touch], parameters=["mass", ("law.stiffness", 0)]
 )

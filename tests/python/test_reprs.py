@@ -82,6 +82,12 @@ def slope_of_a_hop() -> contact.TreeSensitivities:
     return contact.differentiate_tree(leg.model, leg.q, leg.v, (0.0, 0.01), dt=1e-3, contacts=leg.contacts)
 
 
+def gradient_of_a_hop() -> contact.TreeGradient:
+    leg = contact.hopping_leg()
+    start = (leg.model, leg.q, leg.v, (0.0, 0.01))
+    return contact.gradient_tree(*start, lambda q, v: (q[1] / 3, None, None), dt=1e-3, contacts=leg.contacts)
+
+
 @cache
 def hop() -> multibody.TreeSolution:
     leg = contact.hopping_leg()
@@ -247,6 +253,7 @@ MADE: dict[str, Callable[[], Any]] = {
     "TreeContactSystem": contact.hopping_leg,
     "TreeContacts": lambda: contact.TreeContacts(contact.hopping_leg().model, contact.hopping_leg().contacts),
     "Sensitivities": lambda: contact.differentiate(BODY, STATE, (0.0, 0.01), dt=1e-3, contacts=[touch()]),
+    "TreeGradient": gradient_of_a_hop,
     "TreeSensitivities": slope_of_a_hop,
     # trees
     "Diver": lambda: DIVER,
@@ -254,6 +261,7 @@ MADE: dict[str, Callable[[], Any]] = {
     "Link": lambda: multibody.Link("l" * 90, "revolute", parent="p" * 90, axis=(0.1, 0.2, 0.3), mass=1 / 3),
     "Model": lambda: multibody.Model([multibody.Link("root " * 90, "free", mass=1.0, inertia=(1, 1, 1))]),
     "Robot": robot,
+    "TorqueProfile": lambda: multibody.TorqueProfile([0.0, 1 / 3], [[1 / 3, 2 / 3], [0.1, 0.2]]),
     "TreeDenseOutput": lambda: swing().sol,
     "TreeSolution": swing,
     # studies

@@ -282,6 +282,7 @@ WITHOUT = {
     "System",
     "Term",
     "Torque",
+    "TorqueProfile",
     "Transition",
     "Validation",
     "VariationalFlow",

@@ -31,6 +31,16 @@ pub trait Linearized: Encounters<<Self as Linearized>::Moved> {
     /// Room.
     fn room(&self) -> Self::Room;
 
+    /// out ← accelerations and rates of stretches in a mode.
+    fn accelerate(
+        &self,
+        w: &mut Self::Room,
+        mode: &[ContactMode],
+        t: f64,
+        x: At<'_, Self>,
+        out: &mut AugmentedRate<Rate<Self>>,
+    );
+
     /// out ← accelerations and rates of stretches in a mode; linearises them, the closed contacts, and where `all` are wanted
     /// the open ones.
     fn linearize(
@@ -72,7 +82,7 @@ pub trait Linearized: Encounters<<Self as Linearized>::Moved> {
 #[derive(Debug)]
 pub struct LinearizedRoom<W> {
     pub(crate) system: W,
-    efforts: Vec<Wrench>,
+    pub(crate) efforts: Vec<Wrench>,
 }
 
 impl<W> LinearizedRoom<W> {
@@ -98,8 +108,8 @@ impl<W> LinearizedRoom<W> {
         }));
     }
 
-    /// Goes along a tangent, and for each contact along a parameter of its laws: the efforts change, and stretching ← the
-    /// changes of the rates of stretches. [`Linearized::acceleration_change`] is then that of all.
+    /// Goes along a tangent and what is beside it, and for each contact along a parameter of its laws: the efforts change, and
+    /// stretching ← the changes of the rates of stretches. [`Linearized::acceleration_change`] is then that of all.
     pub(crate) fn vary<S: Linearized<Room = W>>(
         &mut self,
         system: &S,
@@ -107,11 +117,13 @@ impl<W> LinearizedRoom<W> {
         t: f64,
         x: At<'_, S>,
         (displacement, change): (&Rate<S>, &AugmentedRate<Rate<S>>),
+        beside: impl FnOnce(&mut W),
         parameter: impl Fn(usize) -> Option<LawParameter>,
         stretching: &mut [Vector3<f64>],
     ) {
         let Self { system: w, efforts } = self;
         system.vary(w, t, x, (displacement, &change.base));
+        beside(w);
         stretching.fill(Vector3::zeros());
         for (i, (law, mode)) in system.laws().zip(mode).enumerate() {
             let Some(at) = system.met(w, i).copied() else { continue };

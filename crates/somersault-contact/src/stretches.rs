@@ -219,6 +219,10 @@ impl<S: Touching> Hybrid for WithStretches<S> {
         self.next_mode_at(before, &x.configuration, &x.rate)
     }
 
+    fn next_stop(&self, _: f64) -> Option<f64> {
+        None
+    }
+
     fn event_kind(
         &self,
         guard: usize,

@@ -15,6 +15,7 @@ use crate::state::{Configuration, State, Tolerances};
 use crate::step_size::{Adaptive, StepSizeControl};
 use crate::stepper::{EmbeddedStepper, MethodInfo, StepError, Stepper};
 use crate::system::{Decoder, StateOf, System};
+use crate::tableau::Tableau;
 use somersault_core::argument::ArgumentError;
 
 /// A place for a state in an engine.
@@ -34,6 +35,9 @@ impl Track {
 pub trait Engine<Q: Configuration> {
     /// The row of the method table.
     fn info(&self) -> MethodInfo;
+
+    /// As [`Scheme::on_vectors`](crate::stepper::Scheme::on_vectors).
+    fn on_vectors(&self) -> Option<Tableau>;
 
     /// A new slot with a state in it.
     fn keep(&mut self, x: &State<Q>) -> Slot;
@@ -97,8 +101,8 @@ pub trait Engine<Q: Configuration> {
     fn reject(&mut self);
 }
 
-/// How a state of the system is written in the variables that a method integrates.
-pub type Encode<'a, Q, B> = &'a dyn Fn(&State<Q>) -> State<B>;
+/// How a state of the system is written in the variables that a method integrates, into a state of the same size.
+pub type Encode<'a, Q, B> = &'a dyn Fn(&State<Q>, &mut State<B>);
 
 /// What an engine of a method with an estimate does beside stepping. Other methods are not compiled for it.
 struct Estimate<E> {
@@ -116,6 +120,8 @@ pub struct FormEngine<'a, Q: Configuration, B: System, M: Stepper<B>, D> {
     estimate: Option<Estimate<Self>>,
     memories: Vec<M::Memory>,
     states: Vec<StateOf<B>>,
+    /// Of the size of all states.
+    pattern: StateOf<B>,
 }
 
 impl<'a, Q, B, M, D> FormEngine<'a, Q, B, M, D>
@@ -125,18 +131,23 @@ where
     M: Stepper<B>,
     D: Decoder<B::Configuration, Q>,
 {
-    /// An engine for trajectories through states of the size of `x`.
+    /// An engine for trajectories through states of the size of `x`, which is in the variables that the method integrates.
     pub fn start(
         form: &'a B,
         stepper: &'a M,
         decoder: D,
         encode: Encode<'a, Q, B::Configuration>,
-        x: &State<Q>,
+        x: StateOf<B>,
     ) -> Result<Self, StepError> {
-        let mut engine =
-            Self { form, stepper, decoder, encode, estimate: None, memories: Vec::new(), states: Vec::new() };
-        engine.branch(x)?;
-        Ok(engine)
+        let memories = vec![stepper.start(form, &x)?];
+        Ok(Self { form, stepper, decoder, encode, estimate: None, memories, states: Vec::new(), pattern: x })
+    }
+
+    /// A state of the system in the variables that the method integrates.
+    fn encoded(&self, x: &State<Q>) -> StateOf<B> {
+        let mut state = self.pattern.clone();
+        (self.encode)(x, &mut state);
+        state
     }
 
     /// The same with the estimate of the method.
@@ -177,13 +188,17 @@ where
         M::INFO
     }
 
+    fn on_vectors(&self) -> Option<Tableau> {
+        self.stepper.on_vectors()
+    }
+
     fn keep(&mut self, x: &State<Q>) -> Slot {
-        self.states.push((self.encode)(x));
+        self.states.push(self.encoded(x));
         Slot(self.states.len() - 1)
     }
 
     fn write(&mut self, slot: Slot, x: &State<Q>) {
-        self.states[slot.0] = (self.encode)(x);
+        (self.encode)(x, &mut self.states[slot.0]);
     }
 
     fn read(&self, slot: Slot, out: &mut State<Q>) {
@@ -191,7 +206,7 @@ where
     }
 
     fn branch(&mut self, x: &State<Q>) -> Result<Track, StepError> {
-        self.memories.push(self.stepper.start(self.form, &(self.encode)(x))?);
+        self.memories.push(self.stepper.start(self.form, &self.encoded(x))?);
         Ok(Track(self.memories.len() - 1))
     }
 

@@ -57,6 +57,18 @@ pub trait Engages<S: System> {
     ) -> Result<R, IntegrateError>;
 }
 
+impl<S: System, E: Engages<S>> Engages<S> for &E {
+    fn engage<R>(
+        &self,
+        system: &S,
+        initial: &StateOf<S>,
+        is_adapted: bool,
+        run: &mut dyn FnMut(&mut dyn Engine<S::Configuration>) -> R,
+    ) -> Result<R, IntegrateError> {
+        (**self).engage(system, initial, is_adapted, run)
+    }
+}
+
 /// By a method of the table.
 #[derive(Debug, Clone, Copy)]
 pub struct ByMethod {
@@ -105,7 +117,8 @@ impl<S: System, M: Stepper<S>> Engages<S> for ByStepper<'_, M> {
         if is_adapted {
             return Err(IntegrateError::NoErrorEstimate { method: M::INFO.name });
         }
-        Ok(run(&mut FormEngine::start(system, self.0, Unchanged, &StateOf::<S>::clone, initial)?))
+        let encode = |x: &StateOf<S>, out: &mut StateOf<S>| out.assign(x);
+        Ok(run(&mut FormEngine::start(system, self.0, Unchanged, &encode, initial.clone())?))
     }
 }
 
@@ -121,7 +134,8 @@ impl<S: System, M: EmbeddedStepper<S>> Engages<S> for ByEmbeddedStepper<'_, M> {
         _: bool,
         run: &mut dyn FnMut(&mut dyn Engine<S::Configuration>) -> R,
     ) -> Result<R, IntegrateError> {
-        let engine = FormEngine::start(system, self.0, Unchanged, &StateOf::<S>::clone, initial)?;
+        let encode = |x: &StateOf<S>, out: &mut StateOf<S>| out.assign(x);
+        let engine = FormEngine::start(system, self.0, Unchanged, &encode, initial.clone())?;
         Ok(run(&mut engine.with_estimate()))
     }
 }

@@ -4,6 +4,7 @@ use crate::dense::Segment;
 use crate::scratch::Scratch;
 use crate::state::{Configuration, ErrorSum, Rate, State, Tolerances};
 use crate::system::{RateOf, StateOf, System};
+use crate::tableau::Tableau;
 
 /// Orders of a method, as powers of h in the global error, measured by the test `every_method_has_the_orders_of_its_info`: of
 /// position and orientation in [`MethodInfo::orders`], of velocity and angular velocity in [`MethodInfo::rate_orders`].
@@ -215,6 +216,12 @@ pub enum StepError {
 pub trait Scheme {
     /// The row of the method table.
     const INFO: MethodInfo;
+
+    /// The tableau by which an explicit Runge–Kutta method advances vectors, as columns of tangents beside a state are, with
+    /// one evaluation for each stage, in their order; `None`, as by default, of any other method.
+    fn on_vectors(&self) -> Option<Tableau> {
+        None
+    }
 
     /// Errors with [`StepError::Angle`] where a body that turns at `speed` = ‖ω‖ turns by more than
     /// [`MethodInfo::angle_limit`] in a step `h` from `t`.

@@ -458,6 +458,10 @@ pub trait Form<Q: Configuration>: System {
     type Decoder: Decoder<Self::Configuration, Q>;
     /// The state of the system in the variables of this form.
     fn encode(&self, x: &State<Q>) -> StateOf<Self>;
+    /// Writes that into `out`, a state of the same size.
+    fn encode_into(&self, x: &State<Q>, out: &mut StateOf<Self>) {
+        *out = self.encode(x);
+    }
     /// The way back.
     fn decoder(&self) -> Self::Decoder;
 }
@@ -483,6 +487,9 @@ impl<S: System> Form<S::Configuration> for &S {
     type Decoder = Unchanged;
     fn encode(&self, x: &StateOf<S>) -> StateOf<S> {
         x.clone()
+    }
+    fn encode_into(&self, x: &StateOf<S>, out: &mut StateOf<S>) {
+        out.assign(x);
     }
     fn decoder(&self) -> Unchanged {
         Unchanged

@@ -18,6 +18,8 @@
 mod classical;
 mod dop853;
 
+pub(crate) use classical::{HEUN, MIDPOINT};
+
 pub use classical::{
     ButcherTableau, COMMUTATOR_FREE_4, Combination, CommutatorFreeTableau, EULER, Exponential, RUNGE_KUTTA_4,
 };
@@ -127,6 +129,16 @@ impl Tableau {
         let weights = sparse(b);
         let first_same_as_last = stages > 1 && c[stages - 1] == 1.0 && rows[stages - 1] == weights;
         Ok(Self { rows, weights, nodes: c.to_vec(), first_same_as_last })
+    }
+
+    /// A method with few stages that is given as constants.
+    pub(crate) fn of(ButcherTableau { nodes, rows, weights }: &ButcherTableau) -> Self {
+        Self {
+            rows: rows.iter().map(|row| sparse(row)).collect(),
+            weights: sparse(weights.factors),
+            nodes: nodes.to_vec(),
+            first_same_as_last: false,
+        }
     }
 
     /// The twelve stages of DOP853, of order 8, with the weights of its error estimate.

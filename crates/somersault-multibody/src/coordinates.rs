@@ -157,6 +157,18 @@ impl Coordinates {
     pub fn as_slice(&self) -> &[f64] {
         &self.numbers
     }
+
+    /// The rate of what stands still.
+    pub(crate) fn still(&self) -> Rates {
+        let n = self.layout.0.iter().map(|block| block.factor.lengths().1).sum();
+        Rates { numbers: vec![0.0; n], layout: self.layout.clone() }
+    }
+
+    /// self ← numbers as [`as_slice`](Self::as_slice) gives them, rotations of unit norm; where there are not as many, those that
+    /// there are.
+    pub fn read(&mut self, numbers: &[f64]) {
+        assign(&mut self.numbers, numbers);
+    }
 }
 
 impl Rates {

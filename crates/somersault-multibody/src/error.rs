@@ -158,6 +158,11 @@ pub enum DynamicsError {
         /// Name given.
         name: String,
     },
+    /// A derivative by the placement of a joint, where wrenches are functions of the poses of bodies.
+    #[error(
+        "no derivative by the placement of a joint: the forces exert wrenches on bodies, which depend on it"
+    )]
+    PlacementUnderWrenches,
     /// A quaternion is zero or not finite.
     #[error("the quaternion of joint `{joint}` is zero or not finite")]
     NoRotation {

@@ -8,7 +8,7 @@ from typing_extensions import disjoint_base
 from somersault._somersault import _Floats
 from somersault._somersault.forces import Gravity, _AnyForce
 from somersault._somersault.integrators import RigidBody, State, _AnyMethod
-from somersault._somersault.multibody import Model, Robot
+from somersault._somersault.multibody import Model, Robot, TorqueProfile
 
 __all__ = [
     "CompliantLaw",
@@ -31,12 +31,14 @@ __all__ = [
     "SurfaceFunction",
     "TreeContactSystem",
     "TreeContacts",
+    "TreeGradient",
     "TreeSensitivities",
     "bouncing_ball",
     "damping_ratio",
     "differentiate",
     "differentiate_tree",
     "falling_box",
+    "gradient_tree",
     "hopping_leg",
     "link_contacts",
     "planar_biped",
@@ -54,6 +56,9 @@ __all__ = [
 _Surface: TypeAlias = Surface | Callable[[_Floats], tuple[float, ArrayLike]]
 _Parameter: TypeAlias = (
     Literal["mass", "inertia_scale"] | tuple[str, int] | tuple[Literal["acceleration"], ArrayLike]
+)
+_TreeParameter: TypeAlias = (
+    tuple[str, int | str] | tuple[str, str, ArrayLike] | tuple[Literal["torque"], int, TorqueProfile]
 )
 _EventKind: TypeAlias = Literal["touch_down", "release", "re_engagement", "stick", "slip", "other"]
 
@@ -449,8 +454,10 @@ def differentiate_tree(
     dt: float | None = None,
     contacts: LinkContact | LinkPair | Sequence[LinkContact | LinkPair],
     method: _AnyMethod | None = None,
-    torque: ArrayLike | Callable[[float, _Floats, _Floats], ArrayLike] | None = None,
-    parameters: Sequence[tuple[str, int | str]] | None = None,
+    torque: ArrayLike | TorqueProfile | Callable[[float, _Floats, _Floats], ArrayLike] | None = None,
+    active: Sequence[str] | ArrayLike | None = None,
+    acceleration: ArrayLike | Callable[[float, _Floats, _Floats], ArrayLike] | None = None,
+    parameters: Sequence[_TreeParameter] | None = None,
     rtol: float | None = None,
     atol: float | None = None,
     max_step: float | None = None,
@@ -460,6 +467,51 @@ def differentiate_tree(
     grazing: float = 1.5e-8,
     max_event_rate: float = 1e9,
 ) -> TreeSensitivities: ...
+
+@final
+class TreeGradient:
+    @property
+    def t(self) -> float: ...
+    @property
+    def q(self) -> _Floats: ...
+    @property
+    def v(self) -> _Floats: ...
+    @property
+    def events(self) -> list[LinkEvent]: ...
+    @property
+    def cost(self) -> float: ...
+    @property
+    def by_state(self) -> _Floats: ...
+    @property
+    def by_parameters(self) -> _Floats: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+def gradient_tree(
+    model: Model,
+    q: ArrayLike,
+    v: ArrayLike,
+    interval: tuple[float, float] | Sequence[float],
+    cost: Callable[[_Floats, _Floats], tuple[float, ArrayLike | None, ArrayLike | None]] | None = None,
+    *,
+    dt: float | None = None,
+    contacts: LinkContact | LinkPair | Sequence[LinkContact | LinkPair],
+    running: Callable[[float, _Floats, _Floats], tuple[float, ArrayLike | None, ArrayLike | None]]
+    | None = None,
+    event_cost: Callable[[_Floats], tuple[float, ArrayLike | None]] | None = None,
+    method: _AnyMethod | None = None,
+    torque: ArrayLike | TorqueProfile | Callable[[float, _Floats, _Floats], ArrayLike] | None = None,
+    active: Sequence[str] | ArrayLike | None = None,
+    acceleration: ArrayLike | Callable[[float, _Floats, _Floats], ArrayLike] | None = None,
+    parameters: Sequence[_TreeParameter] | None = None,
+    rtol: float | None = None,
+    atol: float | None = None,
+    max_step: float | None = None,
+    first_step: float | None = None,
+    max_steps: int | None = None,
+    stretches: Literal["loaded"] | ArrayLike | None = None,
+    grazing: float = 1.5e-8,
+    max_event_rate: float = 1e9,
+) -> TreeGradient: ...
 def bouncing_ball(
     mass: float, radius: float, law: CompliantLaw, height: float, velocity: float = 0.0
 ) -> ContactSystem: ...

@@ -16,6 +16,7 @@ __all__ = [
     "Link",
     "Model",
     "Robot",
+    "TorqueProfile",
     "TreeDenseOutput",
     "TreeSolution",
     "cart_pendulum",
@@ -301,7 +302,7 @@ def integrate_tree(
     *,
     dt: float | None = None,
     method: _AnyMethod | None = None,
-    torque: ArrayLike | _OfTree | None = None,
+    torque: ArrayLike | TorqueProfile | _OfTree | None = None,
     active: _Active | None = None,
     acceleration: ArrayLike | _OfTree | None = None,
     contacts: LinkContact | LinkPair | Sequence[LinkContact | LinkPair] | None = None,
@@ -343,6 +344,19 @@ def fly(
 ) -> TreeSolution: ...
 
 # `make public-names` writes what follows, from the documentation of the extension.
+
+@final
+class TorqueProfile:
+    def __new__(
+        cls, times: ArrayLike, values: ArrayLike, between: Literal["line", "hold"] = "line"
+    ) -> TorqueProfile: ...
+    @property
+    def between(self) -> str: ...
+    @property
+    def times(self) -> _Floats: ...
+    @property
+    def values(self) -> _Floats: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
 
 def cart_pendulum(
     cart_mass: float = 2.0, mass: float = 1.0, length: float = 1.0, gravity: float = 9.81

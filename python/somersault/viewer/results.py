@@ -236,6 +236,7 @@ INSTEAD: dict[type, str] = {
     contact.LinkEvent: "the TreeSolution that it is of",
     contact.TreeContacts: "the TreeSolution of its `model` that `multibody.integrate_tree` returns",
     contact.Sensitivities: "what `somersault.integrate` returns for the same arguments",
+    contact.TreeGradient: "what `multibody.integrate_tree` returns for the same arguments",
     contact.TreeSensitivities: "what `multibody.integrate_tree` returns for the same arguments",
     ftla.MatchingResult: "the Extremal that `ftla.shoot` makes of its nodes",
     ftla.PlacementResult: "the Extremal that begins there",

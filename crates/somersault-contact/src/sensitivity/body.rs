@@ -66,6 +66,18 @@ impl<F: ForceModel> Linearized for BodyInContact<F> {
         BodyRoom::default()
     }
 
+    fn accelerate(
+        &self,
+        _: &mut BodyRoom,
+        mode: &[ContactMode],
+        t: f64,
+        (q, p): At<'_, Self>,
+        out: &mut AugmentedRate<Twist>,
+    ) {
+        WithStretches(self).wrenches_at(mode, t, q, p, out);
+        out.base = world_acceleration(&self.body, &state::<F>((q, p)), &out.base);
+    }
+
     fn linearize(
         &self,
         w: &mut BodyRoom,
@@ -145,7 +157,7 @@ impl<F: ForceModel> Differentiable for BodyInContact<F> {
 
     fn refuse(&self, parameter: &Parameter) -> Option<SensitivityError> {
         match parameter {
-            Parameter::JointForce(_) => {
+            Parameter::JointForce(_) | Parameter::JointForceAt(..) | Parameter::Tree(_) => {
                 Some(SensitivityError::NotOf { found: format!("{parameter:?}"), of: "a body" })
             }
             Parameter::Normal(..)
@@ -165,7 +177,9 @@ impl<F: ForceModel> Differentiable for BodyInContact<F> {
             Parameter::Normal(..)
             | Parameter::Friction(..)
             | Parameter::InertiaScale
-            | Parameter::JointForce(_) => return,
+            | Parameter::JointForce(_)
+            | Parameter::JointForceAt(..)
+            | Parameter::Tree(_) => return,
         };
         w.change.axpy(1.0, &Twist { linear: change.force, angular: change.torque });
     }
@@ -179,7 +193,9 @@ impl<F: ForceModel> Differentiable for BodyInContact<F> {
             Parameter::Normal(..)
             | Parameter::Friction(..)
             | Parameter::Force(_)
-            | Parameter::JointForce(_) => {}
+            | Parameter::JointForce(_)
+            | Parameter::JointForceAt(..)
+            | Parameter::Tree(_) => {}
         }
     }
 

@@ -21,14 +21,10 @@ pub(super) fn collect<S: Differentiable>(
             rate: rate.base.clone(),
         })
         .collect();
-    let event = |event: Event<VariedOf<S>, EventKind>| {
-        let Event { t, guard, kind, impulse, state } = event;
-        Event { t, guard, kind, impulse, state: state.base() }
-    };
-    let events: Vec<Event<Augmented<S::Moved>, EventKind>> = run.events.into_iter().map(event).collect();
-    let mut event_times = DMatrix::from_element(events.len(), columns.len(), f64::NAN);
+    let run = without_columns::<S>(run);
+    let mut event_times = DMatrix::from_element(run.events.len(), columns.len(), f64::NAN);
     let mut rest = times;
-    for (event, mut row) in events.iter().zip(event_times.row_iter_mut()) {
+    for (event, mut row) in run.events.iter().zip(event_times.row_iter_mut()) {
         let passed = rest.iter().take_while(|time| time.t < event.t).count();
         rest = &rest[passed..];
         let mut now = rest.iter().take_while(|time| time.t == event.t);
@@ -36,7 +32,18 @@ pub(super) fn collect<S: Differentiable>(
             row.iter_mut().zip(&time.columns).for_each(|(entry, time)| *entry = *time);
         }
     }
-    let run_of = Located {
+    system.collect(Collected { run, columns, event_times })
+}
+
+/// A run without its columns.
+pub(super) fn without_columns<S: Differentiable>(
+    run: Located<VariedOf<S>, EventKind>,
+) -> Located<Augmented<S::Moved>, EventKind> {
+    let event = |event: Event<VariedOf<S>, EventKind>| {
+        let Event { t, guard, kind, impulse, state } = event;
+        Event { t, guard, kind, impulse, state: state.base() }
+    };
+    Located {
         t: run.t,
         state: run.state.base(),
         status: run.status,
@@ -45,7 +52,6 @@ pub(super) fn collect<S: Differentiable>(
         trials: run.trials,
         substeps: run.substeps,
         event_count: run.event_count,
-        events,
-    };
-    system.collect(Collected { run: run_of, columns, event_times })
+        events: run.events.into_iter().map(event).collect(),
+    }
 }

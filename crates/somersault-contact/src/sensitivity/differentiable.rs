@@ -43,6 +43,11 @@ pub trait Differentiable: Linearized {
     /// The tangents of the components of an initial state.
     fn tangents(&self, x: &State<Self::Moved>) -> Vec<Tangent<Rate<Self>>>;
 
+    /// Why it has no derivative at all, if it has none.
+    fn without_derivative(&self) -> Option<SensitivityError> {
+        None
+    }
+
     /// Why it has no derivative with respect to a parameter that is not one of the laws of a contact, if it has none.
     fn refuse(&self, parameter: &Parameter) -> Option<SensitivityError>;
 
@@ -75,6 +80,11 @@ pub trait Differentiable: Linearized {
         guards: &[Guard],
         horizon: f64,
     ) -> f64;
+
+    /// As [`Hybrid::next_stop`](somersault_integrators::events::Hybrid::next_stop); none, as by default, where all forces are smooth.
+    fn next_stop_after(&self, _t: f64) -> Option<f64> {
+        None
+    }
 
     /// As [`Hybrid::examine`](somersault_integrators::events::Hybrid::examine).
     fn examine_in(&self, guard: usize, x: At<'_, Self>) -> Result<(), SurfaceFault>;

@@ -43,15 +43,38 @@
 //!
 //! # Trees
 //!
-//! A [`TreeInContact`](crate::tree::TreeInContact) that no joint [drives](somersault_multibody::motion::Driven) is
+//! A [`TreeInContact`](crate::tree::TreeInContact), with joints that may be [driven](somersault_multibody::motion::Driven), is
 //! differentiated by the same columns and jumps. Between events
 //! ```text
 //! δv̇ = ∂v̇/∂q ξ + ∂v̇/∂v δv + M⁻¹ (δτ + Σ Jᵢᵀ δFᵢ),
 //! ```
 //! with the analytic partials of forward dynamics, the changes of the contacts' wrenches in the axes of their links, and of
 //! other forces by central differences; at a touch-down δv jumps by −M⁻¹ Jᵀ (F⁺ − F⁻) δt. Derivatives are by motions of the
-//! joints along q ⊕ ε e_k, by their velocities, by constants of the laws, and by constant joint forces
-//! ([`Parameter::JointForce`]); what is left are [`TreeSensitivities`].
+//! joints along q ⊕ ε e_k, by their velocities, by constants of the laws, by joint forces that are constant
+//! ([`Parameter::JointForce`]) or given at knots ([`Parameter::JointForceAt`]), and by masses, centres of mass, inertias and
+//! placements of joints ([`Parameter::Tree`]); what is left are [`TreeSensitivities`]. For many parameters and one cost there is the
+//! adjoint, [`SensitivityRun::recorded_from`]:
+//!
+//! ```
+//! use somersault_contact::models::HoppingLeg;
+//! use somersault_contact::sensitivity::{Differentiation, EndCost, Parameter, SensitivityRun};
+//! use somersault_integrators::driver::{Flow, TimeGrid};
+//! use somersault_integrators::methods::Method;
+//! use somersault_multibody::motion::{Between, Knots};
+//!
+//! let leg = HoppingLeg::example()?.system()?;
+//! let system = leg.in_contact()?;
+//! let times: Vec<f64> = (0..100).map(|i| 0.002 * f64::from(i)).collect();
+//! let knots = Knots::try_new(&times, Between::Line)?;
+//! let by = Differentiation::by(Parameter::joint_forces_at(4, &knots).collect::<Vec<_>>());
+//! let grid = TimeGrid::try_new(0.0, 0.2, 1e-3)?;
+//! let mut recorded = SensitivityRun::new(&system, &by, Method::Rkmk8, grid).recorded_from(&leg.start()?)?;
+//! // The angle of the knee at the end, by its torque at each of the knots.
+//! let cost = EndCost { by_motion: &[0.0, 0.0, 0.0, 0.0, 1.0], by_velocity: &[0.0; 5], by_event_times: &[] };
+//! let gradient = recorded.gradient(&cost, None, &mut |_| Flow::Continue)?;
+//! assert_eq!((gradient.state.len(), gradient.parameters.len()), (10, 100));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 //!
 //! ```
 //! use somersault_contact::models::HoppingLeg;
@@ -74,6 +97,7 @@
 //! Circuits Syst. I 47 (2000) 204; M. di Bernardo, C. Budd, A. Champneys and P. Kowalczyk,
 //! *Piecewise-smooth Dynamical Systems* (2008), section 2.5.
 
+mod adjoint;
 mod body;
 mod collect;
 mod differentiable;
@@ -81,10 +105,13 @@ mod forms;
 mod grazing;
 mod outcome;
 mod parameter;
+mod record;
 mod run;
 mod system;
+mod transposed;
 mod tree;
 
+pub use adjoint::{EndCost, RecordedResult, RecordedRun, RunningCost, TreeGradient};
 pub use differentiable::{Collected, Differentiable, VariedOf};
 pub use forms::{VariedForms, VariedPose, VariedState};
 pub use grazing::{Grazing, Side};

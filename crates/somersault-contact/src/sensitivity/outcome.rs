@@ -8,6 +8,7 @@ use nalgebra::{DMatrix, Dyn, OMatrix, SMatrix, U12, Vector3};
 use somersault_integrators::augmented::Augmented;
 use somersault_integrators::events::{Interruption, Located};
 use somersault_integrators::state::Pose;
+use somersault_multibody::DynamicsError;
 use somersault_multibody::motion::Coordinates;
 
 /// A motion and its derivative.
@@ -93,6 +94,43 @@ pub enum SensitivityError {
         /// The one that was named.
         found: usize,
     },
+    /// A knot that there is not.
+    #[error("`parameters` must name a knot below {n}, found {found}")]
+    NoKnot {
+        /// Number of knots.
+        n: usize,
+        /// The one that was named.
+        found: usize,
+    },
+    /// A parameter of the tree that there is not, or that accelerations have no derivative by.
+    #[error("`parameters`: {0}")]
+    Tree(#[from] DynamicsError),
+    /// Joints are driven in a way that says nothing of its derivative.
+    #[error("the joints are driven otherwise than by accelerations: there is no derivative")]
+    Drive,
+    /// A method whose steps cannot be walked back.
+    #[error("a gradient by the adjoint takes an explicit Runge-Kutta method, found `{method}`")]
+    NoAdjoint {
+        /// The method.
+        method: &'static str,
+    },
+    /// A run whose steps cannot all be kept.
+    #[error("there is no room to record {steps} steps")]
+    NoRoom {
+        /// Steps made, or to be made.
+        steps: u64,
+    },
+    /// A gradient that was stopped.
+    #[error("stopped at t = {t}, on the way back to the start")]
+    Stopped {
+        /// The time reached, s.
+        t: f64,
+    },
+    /// A gradient with numbers that are not finite.
+    #[error(
+        "the gradient is not finite: a law has no derivative where the motion goes, or a number is too large"
+    )]
+    NonFinite,
     /// A parameter that the system does not have.
     #[error("`parameters` must name what {of} has, found {found}")]
     NotOf {

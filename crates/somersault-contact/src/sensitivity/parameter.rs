@@ -5,6 +5,8 @@ use nalgebra::Vector3;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::force::Wrench;
 use somersault_integrators::state::RigidBodyState;
+use somersault_multibody::TreeParameter;
+use somersault_multibody::motion::Knots;
 use std::borrow::Cow;
 use std::fmt;
 use std::sync::Arc;
@@ -31,9 +33,20 @@ pub enum Parameter {
     Force(Arc<WrenchDerivative>),
     /// A constant force of a tree's degree of freedom, N or N m, beside what acts there.
     JointForce(usize),
+    /// The force of a tree's degree of freedom at a knot, N or N m, by its number, as in a
+    /// [`TorqueProfile`](somersault_multibody::motion::TorqueProfile).
+    JointForceAt(usize, Knots, usize),
+    /// A mass, a centre of mass or an inertia of a tree, or where one of its joints is.
+    Tree(TreeParameter),
 }
 
 impl Parameter {
+    /// The forces of a tree's degree of freedom at all knots.
+    pub fn joint_forces_at(dof: usize, knots: &Knots) -> impl Iterator<Item = Self> {
+        let knots = knots.clone();
+        (0..knots.times().len()).map(move |knot| Self::JointForceAt(dof, knots.clone(), knot))
+    }
+
     /// A constant of the normal law of a contact.
     pub fn normal(contact: usize, name: impl Into<Cow<'static, str>>) -> Self {
         Self::Normal(contact, name.into())
@@ -77,6 +90,10 @@ impl fmt::Debug for Parameter {
             Self::InertiaScale => write!(f, "InertiaScale"),
             Self::Force(_) => write!(f, "Force"),
             Self::JointForce(dof) => write!(f, "JointForce({dof})"),
+            Self::JointForceAt(dof, knots, knot) => {
+                write!(f, "JointForceAt({dof}, {} knots, {knot})", knots.times().len())
+            }
+            Self::Tree(parameter) => write!(f, "{parameter:?}"),
         }
     }
 }

@@ -7,6 +7,7 @@ use super::parameter::{Differentiation, FoundParameter, Parameter};
 use super::system::{Log, Variational};
 use crate::encounters;
 use crate::laws::{ContactLaw, Encounter, LawParameter};
+use crate::linearized::Linearized;
 use crate::surface::SurfaceFault;
 use nalgebra::Vector3;
 use somersault_core::argument::expect_positive;
@@ -33,16 +34,16 @@ pub type SensitivityResult<S = Sensitivities> = Result<S, Box<Undifferentiated<S
 /// Cost: one and a half to two runs without columns for each column (the spinning top by `rkmk8` and `rkmk`),
 /// which is what central differences take.
 #[must_use = "a run begins with a state, `from`"]
-pub struct SensitivityRun<'a, S: Differentiable, M> {
-    system: &'a S,
-    differentiation: &'a Differentiation,
-    method: M,
-    steps: Steps,
-    location: Location,
-    observer: Option<&'a mut dyn Observer<VariedOf<S>>>,
+pub struct SensitivityRun<'a, 'o, S: Differentiable, M> {
+    pub(super) system: &'a S,
+    pub(super) differentiation: &'a Differentiation,
+    pub(super) method: M,
+    pub(super) steps: Steps,
+    pub(super) location: Location,
+    pub(super) observer: Option<&'o mut dyn Observer<VariedOf<S>>>,
 }
 
-impl<'a, S: Differentiable> SensitivityRun<'a, S, ByMethod> {
+impl<'a, S: Differentiable> SensitivityRun<'a, '_, S, ByMethod> {
     /// By a method of the table, with the default [`Options`].
     pub fn new(
         system: &'a S,
@@ -59,7 +60,7 @@ impl<'a, S: Differentiable> SensitivityRun<'a, S, ByMethod> {
     }
 }
 
-impl<'a, 'm, S: Differentiable, M> SensitivityRun<'a, S, ByStepper<'m, M>> {
+impl<'a, 'm, S: Differentiable, M> SensitivityRun<'a, '_, S, ByStepper<'m, M>> {
     /// By any method; its steps are fixed.
     pub fn by_stepper(
         system: &'a S,
@@ -71,7 +72,7 @@ impl<'a, 'm, S: Differentiable, M> SensitivityRun<'a, S, ByStepper<'m, M>> {
     }
 }
 
-impl<'a, 'm, S: Differentiable, M> SensitivityRun<'a, S, ByEmbeddedStepper<'m, M>> {
+impl<'a, 'm, S: Differentiable, M> SensitivityRun<'a, '_, S, ByEmbeddedStepper<'m, M>> {
     /// By any method that estimates its error; its steps are fixed or adapted.
     pub fn by_embedded_stepper(
         system: &'a S,
@@ -83,7 +84,7 @@ impl<'a, 'm, S: Differentiable, M> SensitivityRun<'a, S, ByEmbeddedStepper<'m, M
     }
 }
 
-impl<'a, S: Differentiable, M> SensitivityRun<'a, S, M> {
+impl<'a, 'o, S: Differentiable, M> SensitivityRun<'a, 'o, S, M> {
     fn by(system: &'a S, differentiation: &'a Differentiation, method: M, steps: impl Into<Steps>) -> Self {
         let (steps, location) = (steps.into(), Location::default());
         Self { system, differentiation, method, steps, location, observer: None }
@@ -96,7 +97,7 @@ impl<'a, S: Differentiable, M> SensitivityRun<'a, S, M> {
 
     /// Shows each committed step to an observer, which may stop the run: the states have their columns, those of the
     /// initial state, then those of the parameters.
-    pub fn observed_by(self, observer: &'a mut dyn Observer<VariedOf<S>>) -> Self {
+    pub fn observed_by(self, observer: &'o mut dyn Observer<VariedOf<S>>) -> Self {
         Self { observer: Some(observer), ..self }
     }
 
@@ -112,26 +113,13 @@ impl<'a, S: Differentiable, M> SensitivityRun<'a, S, M> {
         let (start, end) = steps.interval();
         let tangents = system.tangents(initial);
         let count = differentiation.parameters.len();
-        let still = encounters::unstretched::<S::Moved>(system, initial.clone());
-        let unstretched = varied(still, &tangents, count);
-        let refuse = |reason| {
-            let so_far = collect(system, Located::at_start(start, &unstretched), &[]);
-            Err(Box::new(Undifferentiated { reason, so_far }))
-        };
-        if let Some(reason) = refusal(system, differentiation, initial) {
-            return refuse(reason);
-        }
-        let parameters = match find(&differentiation.parameters, system) {
-            Ok(parameters) => parameters,
-            Err(reason) => return refuse(reason),
-        };
-        let stretched = if differentiation.stretches.is_empty() {
-            unstretched.clone()
-        } else {
-            let stretches = differentiation.stretches.clone();
-            match encounters::stretched::<S::Moved>(system, initial.clone(), stretches) {
-                Ok(stretched) => varied(stretched, &tangents, count),
-                Err(error) => return refuse(error.into()),
+        let (stretched, parameters) = match prepare(system, differentiation, initial) {
+            Ok((stretched, parameters)) => (varied(stretched, &tangents, count), parameters),
+            Err(reason) => {
+                let still = encounters::unstretched::<S::Moved>(system, initial.clone());
+                let unstretched = varied(still, &tangents, count);
+                let so_far = collect(system, Located::at_start(start, &unstretched), &[]);
+                return Err(Box::new(Undifferentiated { reason, so_far }));
             }
         };
         let grazing = differentiation.grazing;
@@ -149,8 +137,29 @@ impl<'a, S: Differentiable, M> SensitivityRun<'a, S, M> {
     }
 }
 
+/// The state that a run starts from, and what it is differentiated by.
+type Prepared<'a, S> = (State<Augmented<<S as Linearized>::Moved>>, Vec<FoundParameter<'a>>);
+
+/// What a run begins with, unless it is refused.
+pub(super) fn prepare<'a, S: Differentiable>(
+    system: &S,
+    differentiation: &'a Differentiation,
+    initial: &State<S::Moved>,
+) -> Result<Prepared<'a, S>, SensitivityError> {
+    if let Some(reason) = refusal(system, differentiation, initial) {
+        return Err(reason);
+    }
+    let parameters = find(&differentiation.parameters, system)?;
+    let stretched = if differentiation.stretches.is_empty() {
+        encounters::unstretched::<S::Moved>(system, initial.clone())
+    } else {
+        encounters::stretched::<S::Moved>(system, initial.clone(), differentiation.stretches.clone())?
+    };
+    Ok((stretched, parameters))
+}
+
 /// Why there is no derivative of a run that was interrupted.
-fn why(reason: Interruption<SurfaceFault>) -> SensitivityError {
+pub(super) fn why(reason: Interruption<SurfaceFault>) -> SensitivityError {
     match reason {
         Interruption::Integrate(IntegrateError::RigidBodiesOnly { method }) => {
             SensitivityError::Method { method }
@@ -160,12 +169,12 @@ fn why(reason: Interruption<SurfaceFault>) -> SensitivityError {
 }
 
 /// Shows each step to an observer, after contacts that it just missed have been looked for.
-struct Watching<'a, 'b, S: Differentiable> {
-    system: &'b Variational<'a, S>,
-    observer: Option<&'a mut dyn Observer<VariedOf<S>>>,
+pub(super) struct Watching<'a, 'b, 'o, S: Differentiable> {
+    pub(super) system: &'b Variational<'a, S>,
+    pub(super) observer: Option<&'o mut dyn Observer<VariedOf<S>>>,
 }
 
-impl<S: Differentiable> Observer<VariedOf<S>> for Watching<'_, '_, S> {
+impl<S: Differentiable> Observer<VariedOf<S>> for Watching<'_, '_, '_, S> {
     fn observe(&mut self, step: &mut Step<'_, VariedOf<S>>) -> Flow {
         self.system.watch((step.t_before, step.before), (step.t_after, step.after));
         self.observer.as_mut().map_or(Flow::Continue, |observer| observer.observe(step))
@@ -173,7 +182,7 @@ impl<S: Differentiable> Observer<VariedOf<S>> for Watching<'_, '_, S> {
 }
 
 /// A state with the columns of the initial state, then one for each parameter.
-fn varied<Q: Configuration>(
+pub(super) fn varied<Q: Configuration>(
     base: State<Augmented<Q>>,
     tangents: &[Tangent<Q::Rate>],
     parameters: usize,
@@ -199,7 +208,7 @@ fn refusal<S: Differentiable>(
     if let Err(error) = expect_positive("grazing", differentiation.grazing) {
         return Some(SensitivityError::Run(IntegrateError::from(error).into()));
     }
-    let (mut without, mut on_surface) = (None, None);
+    let (mut without, mut on_surface) = (system.without_derivative(), None);
     let see = |contact: usize, law: &ContactLaw, at: &Encounter| {
         if without.is_none() {
             let law = law.without_derivative(at);
@@ -240,12 +249,15 @@ fn find<'a, S: Differentiable>(
                 let place = place(*contact, law.type_name(), law.parameters(), name)?;
                 Some((*contact, LawParameter::Friction(place)))
             }
-            Parameter::Mass | Parameter::InertiaScale | Parameter::Force(_) | Parameter::JointForce(_) => {
-                match system.refuse(parameter) {
-                    Some(reason) => return Err(reason),
-                    None => None,
-                }
-            }
+            Parameter::Mass
+            | Parameter::InertiaScale
+            | Parameter::Force(_)
+            | Parameter::JointForce(_)
+            | Parameter::JointForceAt(..)
+            | Parameter::Tree(_) => match system.refuse(parameter) {
+                Some(reason) => return Err(reason),
+                None => None,
+            },
         };
         Ok(FoundParameter { parameter, of_law })
     };

@@ -4,6 +4,7 @@
 use super::differentiable::{Differentiable, VariedOf};
 use super::grazing::{Grazing, Side};
 use super::parameter::FoundParameter;
+use super::record::{Passage, Record};
 use crate::encounters::{self, reset};
 use crate::event::EventKind;
 use crate::laws::{ContactChange, ContactLaw, ContactMode, Encounter};
@@ -18,7 +19,7 @@ use somersault_integrators::partials::Partials;
 use somersault_integrators::state::{Rate as _, State};
 use somersault_integrators::system::{Fault, System};
 use somersault_integrators::variation::Varied;
-use std::cell::RefCell;
+use std::cell::{RefCell, RefMut};
 
 /// A state with its columns.
 type StateOf<S> = State<VariedOf<S>>;
@@ -42,6 +43,8 @@ pub(super) struct Log {
 }
 
 /// Something in contact with columns of tangents, the last of which belong to parameters.
+///
+/// One that keeps a record has no columns: it is the forward run of the adjoint.
 #[derive(Debug)]
 pub struct Variational<'a, S: Differentiable> {
     system: &'a S,
@@ -52,6 +55,8 @@ pub struct Variational<'a, S: Differentiable> {
     duration: f64,
     keep_events: bool,
     pub(super) log: RefCell<Log>,
+    /// Of a run that is to be walked back.
+    record: Option<RefCell<Record<S>>>,
     /// For what happens between steps.
     between: RefCell<Between<S::Room>>,
 }
@@ -61,6 +66,57 @@ pub struct Variational<'a, S: Differentiable> {
 struct Between<W> {
     system: W,
     encounters: Vec<Encounter>,
+}
+
+/// A contact that passes from one mode to another at an event.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Passing<'a> {
+    pub(super) contact: usize,
+    pub(super) law: &'a ContactLaw,
+    pub(super) modes: (&'a ContactMode, &'a ContactMode),
+}
+
+/// What ends the mode of a contact, at the event.
+#[derive(Debug)]
+pub(super) struct Margin {
+    pub(super) at: Encounter,
+    pub(super) stretch: Vector3<f64>,
+    /// The change of the encounter along the motion before.
+    flowing: Encounter,
+    /// The rate of the margin along that.
+    pub(super) rate: f64,
+}
+
+impl Passing<'_> {
+    /// Its margin in a state that is linearised with all its contacts, with the acceleration before the event.
+    pub(super) fn margin<S: Differentiable>(
+        &self,
+        system: &S,
+        w: &mut S::Room,
+        t: f64,
+        x: At<'_, S>,
+        acceleration: &Rate<S>,
+    ) -> Option<Margin> {
+        let Self { contact, law, modes } = *self;
+        let at = system.met(w, contact).copied()?;
+        let stretch = x.1.variables[contact];
+        system.vary(w, t, x, (&x.1.base, acceleration));
+        let flowing = system.change(w, contact);
+        let stretching = law.stretch_rate_in(modes.0, &at, &stretch);
+        let along = ContactChange { at: &flowing, stretch: &stretching, parameter: None };
+        let rate = law.margin_derivative(modes, &at, &stretch, &along);
+        Some(Margin { at, stretch, flowing, rate })
+    }
+
+    /// Whether its stretch begins or ends.
+    pub(super) fn resets(&self) -> bool {
+        self.modes.0.is_open() || self.modes.1.is_open()
+    }
+
+    /// The guard that changes sign, among those of so many contacts.
+    pub(super) fn guard(&self, contacts: usize) -> usize {
+        if self.resets() { self.contact } else { contacts + self.contact }
+    }
 }
 
 /// The parts of a state without its columns.
@@ -78,7 +134,28 @@ impl<'a, S: Differentiable> Variational<'a, S> {
     ) -> Self {
         let grazing = grazing.max(f64::EPSILON.sqrt());
         let between = RefCell::new(Between { system: system.room(), encounters: Vec::new() });
-        Self { system, parameters, grazing, duration, keep_events, log: RefCell::default(), between }
+        let log = RefCell::default();
+        Self { system, parameters, grazing, duration, keep_events, log, record: None, between }
+    }
+
+    /// The same without columns, with a record of its steps and events.
+    pub(super) fn recording(self, record: Record<S>) -> Self {
+        Self { record: Some(RefCell::new(record)), ..self }
+    }
+
+    /// The record of steps and events, if one is kept.
+    pub(super) fn record(&self) -> Option<RefMut<'_, Record<S>>> {
+        self.record.as_ref().map(RefCell::borrow_mut)
+    }
+
+    /// The system.
+    pub(super) fn system(&self) -> &'a S {
+        self.system
+    }
+
+    /// What columns belong to, besides those of the initial state.
+    pub(super) fn parameters(&self) -> &[FoundParameter<'a>] {
+        &self.parameters
     }
 
     /// The parameter that column `k` of so many belongs to.
@@ -135,17 +212,16 @@ impl<'a, S: Differentiable> Variational<'a, S> {
         acceleration: &Rate<S>,
         x: &mut StateOf<S>,
     ) {
-        let Some(at) = self.system.met(w, contact).copied() else { return };
-        let stretch = x.rate.base.variables[contact];
-        let flow = (&x.rate.base.base, acceleration);
-        self.system.vary(w, t, base::<S>(x), flow);
-        let flowing = self.system.change(w, contact);
-        let stretching = law.stretch_rate_in(modes.0, &at, &stretch);
+        let passing = Passing { contact, law, modes };
+        let Some(Margin { at, stretch, flowing, rate }) =
+            passing.margin(self.system, w, t, base::<S>(x), acceleration)
+        else {
+            return;
+        };
         let margin_change = |change: &Encounter, parameter, stretch_change: &Vector3<f64>| {
             let along = ContactChange { at: change, stretch: stretch_change, parameter };
             law.margin_derivative(modes, &at, &stretch, &along)
         };
-        let rate = margin_change(&flowing, None, &stretching);
         let count = x.rate.columns.len();
         let columns = x.configuration.columns.iter().zip(&x.rate.columns).enumerate();
         let times: Vec<f64> = columns
@@ -167,7 +243,7 @@ impl<'a, S: Differentiable> Variational<'a, S> {
             let bound = self.bound(at.sliding.norm().hypot(at.rate), flowing.rate);
             self.note(Grazing { t, guard: contact, gap, bound, side: Side::Touching });
         }
-        let resets = modes.0.is_open() || modes.1.is_open();
+        let resets = passing.resets();
         // Where nothing jumps, as between stick and slip, the time of the event does not matter.
         let jumps = jump != Wrench::default();
         let mut response = acceleration.clone();
@@ -187,7 +263,7 @@ impl<'a, S: Differentiable> Variational<'a, S> {
             }
         }
         if self.keep_events {
-            let guard = if resets { contact } else { self.system.laws().count() + contact };
+            let guard = passing.guard(self.system.laws().count());
             self.log.borrow_mut().times.push(EventTime { t, guard, columns: times });
         }
     }
@@ -297,6 +373,10 @@ impl<S: Differentiable> Hybrid for Variational<'_, S> {
         out: &mut RateOf<S>,
     ) {
         let (system, at) = (self.system, base::<S>(x));
+        if let Some(mut record) = self.record() {
+            record.stages.note(t, at);
+            return system.accelerate(&mut w.system, mode, t, at, &mut out.base);
+        }
         w.linearize(system, mode, t, at, &mut out.base);
         let columns = x.configuration.columns.iter().zip(&x.rate.columns);
         let count = x.rate.columns.len();
@@ -304,11 +384,13 @@ impl<S: Differentiable> Hybrid for Variational<'_, S> {
             let parameter = self.parameter(k, count);
             let of_law = |contact| parameter.and_then(|parameter| parameter.of_contact(contact));
             let AugmentedRate { base: change, variables } = change;
-            w.vary(system, mode, t, at, (&displacement.base, carried), of_law, variables);
+            let beside = |w: &mut S::Room| {
+                if let Some(of) = parameter {
+                    system.vary_by(w, t, at, of.parameter);
+                }
+            };
+            w.vary(system, mode, t, at, (&displacement.base, carried), beside, of_law, variables);
             let w = &mut w.system;
-            if let Some(of) = parameter {
-                system.vary_by(w, t, at, of.parameter);
-            }
             system.acceleration_change(w, at, change);
             if let Some(of) = parameter {
                 system.add_change_by(w, of.parameter, change);
@@ -329,13 +411,20 @@ impl<S: Differentiable> Hybrid for Variational<'_, S> {
         w.linearize(system, mode, t, at, &mut out.room_mut().base);
         out.by_columns(|(displacement, change), slope| {
             let AugmentedRate { base, variables } = &mut slope.base;
-            w.vary(system, mode, t, at, (&displacement.base.base, &change.base), |_| None, variables);
+            w.vary(system, mode, t, at, (&displacement.base.base, &change.base), |_| {}, |_| None, variables);
             system.acceleration_change(&mut w.system, at, base);
         });
     }
 
+    fn next_stop(&self, t: f64) -> Option<f64> {
+        self.system.next_stop_after(t)
+    }
+
     /// The saltation of the columns, and the stretches of contacts that begin and end.
     fn reset(&self, t: f64, before: &Vec<ContactMode>, after: &Vec<ContactMode>, x: &mut StateOf<S>) {
+        if let Some(mut record) = self.record() {
+            record.passages.push(Passage { t, modes: (before.clone(), after.clone()), state: x.base() });
+        }
         let Between { system: w, .. } = &mut *self.between.borrow_mut();
         let mut slope = x.rate.base.clone();
         self.system.linearize(w, (before, true), t, base::<S>(x), &mut slope);

@@ -8,12 +8,12 @@ use crate::linearized::At;
 use crate::surface::SurfaceFault;
 use crate::tree::{TreeInContact, TreeRoom};
 use nalgebra::DMatrix;
-use somersault_integrators::events::{Energy, Guard, Sweep};
+use somersault_integrators::events::{Energy, Guard, Hybrid, Sweep};
 use somersault_integrators::system::{Fault, OneForm, System};
 use somersault_integrators::variation::Tangent;
-use somersault_multibody::motion::{Coordinates, Rates, TreeForces, TreeState};
+use somersault_multibody::motion::{Coordinates, JointDrive, Rates, TreeForces, TreeState};
 
-impl<F: TreeForces> Differentiable for TreeInContact<'_, F> {
+impl<F: TreeForces, D: JointDrive> Differentiable for TreeInContact<'_, F, D> {
     type Forms = OneForm;
     type Sensitivities = TreeSensitivities;
 
@@ -29,20 +29,39 @@ impl<F: TreeForces> Differentiable for TreeInContact<'_, F> {
         (0..2 * n).filter_map(unit).collect()
     }
 
+    fn without_derivative(&self) -> Option<SensitivityError> {
+        (self.tree().is_driven() && self.tree().split().is_none()).then_some(SensitivityError::Drive)
+    }
+
     fn refuse(&self, parameter: &Parameter) -> Option<SensitivityError> {
         let not_of = |of| Some(SensitivityError::NotOf { found: format!("{parameter:?}"), of });
+        let n = self.model().n_velocities();
         match parameter {
             Parameter::Mass | Parameter::InertiaScale | Parameter::Force(_) => not_of("a tree"),
-            Parameter::JointForce(found) if *found >= self.model().n_velocities() => {
-                Some(SensitivityError::NoJoint { n: self.model().n_velocities(), found: *found })
+            Parameter::JointForce(found) | Parameter::JointForceAt(found, ..) if *found >= n => {
+                Some(SensitivityError::NoJoint { n, found: *found })
             }
-            Parameter::Normal(..) | Parameter::Friction(..) | Parameter::JointForce(_) => None,
+            Parameter::JointForceAt(_, knots, found) if *found >= knots.times().len() => {
+                Some(SensitivityError::NoKnot { n: knots.times().len(), found: *found })
+            }
+            Parameter::Tree(parameter) => self.tree().check_parameter(parameter).err().map(Into::into),
+            Parameter::Normal(..)
+            | Parameter::Friction(..)
+            | Parameter::JointForce(_)
+            | Parameter::JointForceAt(..) => None,
         }
     }
 
-    fn vary_by(&self, w: &mut TreeRoom, _: f64, _: At<'_, Self>, parameter: &Parameter) {
-        if let Parameter::JointForce(k) = parameter {
-            w.add_joint_force(*k, 1.0);
+    fn vary_by(&self, w: &mut TreeRoom, t: f64, _: At<'_, Self>, parameter: &Parameter) {
+        match parameter {
+            Parameter::JointForce(dof) => w.add_joint_force(*dof, 1.0),
+            Parameter::JointForceAt(dof, knots, knot) => w.add_joint_force(*dof, knots.weight(*knot, t)),
+            Parameter::Tree(parameter) => self.tree().vary_parameter(&mut w.variation, parameter),
+            Parameter::Normal(..)
+            | Parameter::Friction(..)
+            | Parameter::Mass
+            | Parameter::InertiaScale
+            | Parameter::Force(_) => {}
         }
     }
 
@@ -88,6 +107,10 @@ impl<F: TreeForces> Differentiable for TreeInContact<'_, F> {
         horizon: f64,
     ) -> f64 {
         self.clear_time_at(mode, x, guards, horizon)
+    }
+
+    fn next_stop_after(&self, t: f64) -> Option<f64> {
+        self.next_stop(t)
     }
 
     fn examine_in(&self, guard: usize, x: At<'_, Self>) -> Result<(), SurfaceFault> {

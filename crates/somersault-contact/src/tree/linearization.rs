@@ -23,9 +23,9 @@ use somersault_multibody::motion::{TreeVariation, TreeWorkspace};
 #[derive(Debug)]
 pub struct TreeRoom {
     pub(super) tree: TreeWorkspace,
-    pub(super) variation: TreeVariation,
-    pub(super) frames: Vec<Frame>,
-    pub(super) contacts: Vec<Option<LinkLinearization>>,
+    pub(crate) variation: TreeVariation,
+    pub(crate) frames: Vec<Frame>,
+    pub(crate) contacts: Vec<Option<LinkLinearization>>,
 }
 
 impl TreeRoom {
@@ -39,8 +39,8 @@ impl TreeRoom {
 
 /// A contact of links in a state, with what its derivatives there need.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct LinkLinearization {
-    pub(super) at: Encounter,
+pub(crate) struct LinkLinearization {
+    pub(crate) at: Encounter,
     links: (usize, Option<usize>),
     kind: Kind,
 }
@@ -78,8 +78,14 @@ impl LinkLinearization {
         Self { at, links, kind }
     }
 
+    /// The links that it is on.
+    pub(crate) fn links(&self) -> impl Iterator<Item = usize> + use<> {
+        let (first, second) = self.links;
+        std::iter::once(first).chain(second)
+    }
+
     /// The derivative along the tangents of the links.
-    pub(super) fn along(&self, part: &Part<'_>, frames: &[Frame], tangents: &[Tangent<Twist>]) -> Encounter {
+    pub(crate) fn along(&self, part: &Part<'_>, frames: &[Frame], tangents: &[Tangent<Twist>]) -> Encounter {
         let (first, second) = self.links;
         match (part, &self.kind, second) {
             (Part::Surface(_, contact), Kind::Standing(of), _) => of.along(contact, &tangents[first]).at,
@@ -172,7 +178,7 @@ impl LinkLinearization {
     }
 
     /// Shows the wrench on each link by an effort on the first one, and its change, in the axes of the link about its origin.
-    pub(super) fn press(
+    pub(crate) fn press(
         &self,
         (effort, effort_change): (&Wrench, &Wrench),
         change: &Encounter,

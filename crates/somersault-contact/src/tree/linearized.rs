@@ -10,7 +10,6 @@ use somersault_integrators::force::Wrench;
 use somersault_integrators::state::Rate;
 use somersault_multibody::motion::{Coordinates, JointDrive, Rates, TreeForces};
 
-/// Of a tree that no joint drives.
 impl<F: TreeForces, D: JointDrive> Linearized for TreeInContact<'_, F, D> {
     type Moved = Coordinates;
     type Room = TreeRoom;
@@ -22,6 +21,17 @@ impl<F: TreeForces, D: JointDrive> Linearized for TreeInContact<'_, F, D> {
             frames: Vec::with_capacity(self.model().n_bodies()),
             contacts: Vec::with_capacity(self.contacts().len()),
         }
+    }
+
+    fn accelerate(
+        &self,
+        w: &mut TreeRoom,
+        mode: &[ContactMode],
+        t: f64,
+        x: At<'_, Self>,
+        out: &mut AugmentedRate<Rates>,
+    ) {
+        self.acceleration_at(mode, &mut w.tree, t, x, out);
     }
 
     fn linearize(

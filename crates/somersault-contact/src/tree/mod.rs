@@ -66,6 +66,7 @@ mod system;
 pub use contacts::{LinkContact, LinkPair, TreeContacts};
 pub use equilibrium::Equilibrium;
 pub use geometry::{GeometryContacts, LeftOut, geometry_contacts, shape_contacts};
+pub(crate) use linearization::LinkLinearization;
 pub use linearization::TreeRoom;
 pub use report::Ledger;
 pub use system::{TouchingRate, TouchingState, TouchingWorkspace, TreeInContact};

@@ -529,7 +529,7 @@ impl<F: TreeForces, D: JointDrive> Hybrid for TreeInContact<'_, F, D> {
     }
 
     /// Analytic as those of the tree without contacts, and of laws that have derivatives; by differences where a law has none
-    /// or joints are driven.
+    /// or joints are driven otherwise than by accelerations.
     fn partials_in(
         &self,
         mode: &Vec<ContactMode>,
@@ -538,20 +538,22 @@ impl<F: TreeForces, D: JointDrive> Hybrid for TreeInContact<'_, F, D> {
         x: &TouchingState,
         out: &mut Partials<Augmented<Coordinates>>,
     ) {
-        if !self.tree.is_driven() {
-            let TouchingWorkspace { linearized, .. } = w;
-            let room = linearized.get_or_insert_with(|| Box::new(LinearizedRoom::new(self.room())));
-            let at = parts(x);
-            room.linearize(self, mode, t, at, out.room_mut());
-            out.by_columns(|(displacement, change), slope| {
-                let AugmentedRate { base, variables } = slope;
-                room.vary(self, mode, t, at, (&displacement.base, change), |_| None, variables);
-                self.acceleration_change(&mut room.system, at, base);
-            });
-        }
-        if self.tree.is_driven() || !out.is_finite() {
+        let TouchingWorkspace { linearized, .. } = w;
+        let room = linearized.get_or_insert_with(|| Box::new(LinearizedRoom::new(self.room())));
+        let at = parts(x);
+        room.linearize(self, mode, t, at, out.room_mut());
+        out.by_columns(|(displacement, change), slope| {
+            let AugmentedRate { base, variables } = slope;
+            room.vary(self, mode, t, at, (&displacement.base, change), |_| {}, |_| None, variables);
+            self.acceleration_change(&mut room.system, at, base);
+        });
+        if !out.is_finite() {
             out.by_differences(x, |x, slope| self.acceleration_in(mode, w, t, x, slope));
         }
+    }
+
+    fn next_stop(&self, t: f64) -> Option<f64> {
+        self.tree.forces().next_stop(t)
     }
 
     /// Contacts begin and end without stretch.

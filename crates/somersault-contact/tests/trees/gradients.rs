@@ -22,7 +22,7 @@ use somersault_integrators::methods::Method;
 use somersault_integrators::run::Run;
 use somersault_integrators::state::{Configuration, Rate, RigidBodyState};
 use somersault_integrators::variation::Tangent;
-use somersault_multibody::motion::{Rates, TreeForces, TreeState, TreeSystem};
+use somersault_multibody::motion::{JointDrive, Rates, TreeForces, TreeState, TreeSystem};
 use somersault_multibody::{Joint, Link, MassProperties, Model};
 use std::sync::Arc;
 
@@ -34,8 +34,8 @@ fn moved(x: &TreeState, along: &Tangent<Rates>, by: f64) -> TreeState {
 }
 
 /// The end of a run and the times of its events.
-fn reached<F: TreeForces>(
-    system: &TreeInContact<'_, F>,
+pub(crate) fn reached<F: TreeForces, D: JointDrive>(
+    system: &TreeInContact<'_, F, D>,
     start: &TreeState,
     grid: TimeGrid,
 ) -> (TreeState, Vec<f64>) {
@@ -45,7 +45,7 @@ fn reached<F: TreeForces>(
 }
 
 /// The components of the way from one state to another, and of the change of the times of events, as the columns have them.
-fn between(model: &Model, at: &TreeState, ends: &[(TreeState, Vec<f64>); 2]) -> DVector<f64> {
+pub(crate) fn between(model: &Model, at: &TreeState, ends: &[(TreeState, Vec<f64>); 2]) -> DVector<f64> {
     let [(a, times_a), (b, times_b)] = ends;
     assert_eq!(times_a.len(), times_b.len());
     let mut numbers = vec![0.0; 2 * model.n_velocities()];
@@ -63,7 +63,7 @@ fn between(model: &Model, at: &TreeState, ends: &[(TreeState, Vec<f64>); 2]) -> 
 }
 
 /// One column of a derivative and of the times of events.
-fn column(found: &TreeSensitivities, k: usize) -> DVector<f64> {
+pub(crate) fn column(found: &TreeSensitivities, k: usize) -> DVector<f64> {
     let n = found.state.ncols();
     let of_state =
         if k < n { found.state.column(k).into_owned() } else { found.parameters.column(k - n).into_owned() };
@@ -73,15 +73,15 @@ fn column(found: &TreeSensitivities, k: usize) -> DVector<f64> {
 }
 
 /// The largest error of a column against the difference of two steps, over its size.
-fn error(found: &DVector<f64>, coarse: &DVector<f64>, fine: &DVector<f64>, step: f64) -> f64 {
+pub(crate) fn error(found: &DVector<f64>, coarse: &DVector<f64>, fine: &DVector<f64>, step: f64) -> f64 {
     // By Richardson: of the fourth order.
     let difference = (fine * 8.0 - coarse) / (6.0 * step);
     (found - &difference).amax() / found.amax()
 }
 
 /// The largest error of all columns by the initial state.
-fn error_by_state<F: TreeForces>(
-    system: &TreeInContact<'_, F>,
+pub(crate) fn error_by_state<F: TreeForces, D: JointDrive>(
+    system: &TreeInContact<'_, F, D>,
     start: &TreeState,
     found: &TreeSensitivities,
     grid: TimeGrid,
@@ -104,8 +104,8 @@ fn error_by_state<F: TreeForces>(
     (0..2 * n).map(of).fold(0.0, f64::max)
 }
 
-fn differentiate<F: TreeForces>(
-    system: &TreeInContact<'_, F>,
+pub(crate) fn differentiate<F: TreeForces, D: JointDrive>(
+    system: &TreeInContact<'_, F, D>,
     start: &TreeState,
     by: impl Into<Vec<Parameter>>,
     grid: TimeGrid,

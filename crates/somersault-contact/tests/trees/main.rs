@@ -1,5 +1,6 @@
 //! Trees that touch. One program, so that methods are compiled for a tree in contact once.
 
+mod adjoint;
 mod allocation;
 mod bodies;
 mod bounds;
@@ -11,6 +12,7 @@ mod gradients;
 mod light_feet;
 mod models;
 mod orders;
+mod parameters;
 mod references;
 mod report;
 mod scenes;

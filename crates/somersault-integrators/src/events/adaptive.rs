@@ -5,7 +5,7 @@ use super::outcome::Interruption;
 use super::run::InProgress;
 use crate::driver::{Adaptive, Flow, Status, check_interval, judge};
 
-/// Makes steps up to `end`, chosen afresh from each event.
+/// Makes steps up to `end`, chosen afresh from each event and from each time at which the equations are not smooth.
 pub(super) fn steps<H: Hybrid>(
     run: &mut InProgress<'_, H>,
     end: f64,
@@ -13,9 +13,15 @@ pub(super) fn steps<H: Hybrid>(
 ) -> Result<Status, Interruption<H::Fault>> {
     check_interval(run.so_far.t, end)?;
     let mut control = run.worker.engine.control(settings, run.so_far.t, run.before.slot)?;
+    let mut until = run.begin(end);
     while run.so_far.t < end {
         let t = run.so_far.t;
-        let (h, t_after) = control.propose(t, end)?;
+        if t >= until {
+            until = run.begin(end);
+            run.worker.restart();
+            run.worker.engine.restart_control(&mut control, t, run.before.slot);
+        }
+        let (h, t_after) = control.propose(t, until)?;
         let (from, to) = (run.before.slot, run.after.slot);
         let attempt = run.worker.engine.attempt(t, h, from, to, &settings.tolerances);
         let (mut error, unsolved) = judge(attempt)?;
@@ -46,6 +52,7 @@ pub(super) fn steps<H: Hybrid>(
         let span = run.locate(h, t_after)?;
         let flow = run.commit(span)?;
         if span.is_event {
+            until = run.begin(end);
             run.worker.engine.restart_control(&mut control, span.t_after, run.before.slot);
         }
         if flow == Flow::Stop && span.t_after < end {

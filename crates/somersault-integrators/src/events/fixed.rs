@@ -6,7 +6,7 @@ use super::run::{InProgress, Span};
 use super::stiff::Stiff;
 use crate::driver::{Flow, Status, TimeGrid};
 
-/// Makes the steps of a grid, counted again from each event.
+/// Makes the steps of a grid, counted again from each event and from each time at which the equations are not smooth.
 pub(super) fn steps<H: Hybrid>(
     run: &mut InProgress<'_, H>,
     mut grid: TimeGrid,
@@ -14,13 +14,19 @@ pub(super) fn steps<H: Hybrid>(
     let end = grid.time(grid.steps());
     let mut stiff = Stiff::new(run.location.stiff, &run.worker.engine.info(), grid.dt());
     stiff.enter(run.worker.frozen, run.so_far.t, &run.before.state)?;
-    if stiff.step() < grid.dt() {
-        grid = TimeGrid::try_new(run.so_far.t, end, stiff.step())?;
+    let mut until = run.begin(end);
+    if stiff.step() < grid.dt() || until < end {
+        grid = TimeGrid::try_new(run.so_far.t, until, stiff.step())?;
     }
     let mut n = 0;
     while run.so_far.t < end {
         let t = run.so_far.t;
-        let h = if n < grid.full_steps() { grid.dt() } else { end - t };
+        if t >= until {
+            until = run.begin(end);
+            run.worker.restart();
+            (grid, n) = (TimeGrid::try_new(t, until, stiff.step())?, 0);
+        }
+        let h = if n < grid.full_steps() { grid.dt() } else { until - t };
         if n == grid.full_steps() {
             run.worker.restart();
         }
@@ -40,17 +46,18 @@ pub(super) fn steps<H: Hybrid>(
         if !stands {
             run.so_far.trials += 1;
             run.worker.restart();
-            (grid, n) = (TimeGrid::try_new(t, end, stiff.step())?, 0);
+            (grid, n) = (TimeGrid::try_new(t, until, stiff.step())?, 0);
             continue;
         }
         run.so_far.substeps += u64::from(stiff.step() < stiff.dt);
         let flow = run.commit(span)?;
         if span.is_event && span.t_after < end {
             stiff.enter(run.worker.frozen, span.t_after, &run.before.state)?;
-            (grid, n) = (TimeGrid::try_new(span.t_after, end, stiff.step())?, 0);
-        } else if stiff.grows() && span.t_after < end {
+            until = run.begin(end);
+            (grid, n) = (TimeGrid::try_new(span.t_after, until, stiff.step())?, 0);
+        } else if stiff.grows() && span.t_after < until {
             run.worker.restart();
-            (grid, n) = (TimeGrid::try_new(span.t_after, end, stiff.step())?, 0);
+            (grid, n) = (TimeGrid::try_new(span.t_after, until, stiff.step())?, 0);
         }
         if flow == Flow::Stop && span.t_after < end {
             return Ok(Status::Stopped);

@@ -9,7 +9,7 @@ use crate::state::State;
 use crate::system::{
     BodyPoses, BodyRate, Decoder, Fault, FromBody, RateOf, RigidSystem, StateOf, System, torques_in_body_axes,
 };
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::error::Error;
 use std::fmt::Debug;
 
@@ -76,6 +76,14 @@ pub trait Hybrid: System {
         out: &mut Partials<Self::Configuration>,
     ) {
         out.by_differences(x, |x, acceleration| self.acceleration_in(mode, w, t, x, acceleration));
+    }
+
+    /// The first time after `t` at which the equations are not smooth, say where a force that is given at knots of time has one; none, as
+    /// by default, where they are smooth at all times.
+    ///
+    /// Steps end there, and the equations are evaluated in each at times before that alone, so that forces may jump.
+    fn next_stop(&self, _t: f64) -> Option<f64> {
+        None
     }
 
     /// What it is called that a guard changed sign, given the modes before and after the event.
@@ -213,6 +221,9 @@ impl<S: Hybrid + ?Sized> Hybrid for &S {
     ) {
         (**self).partials_in(mode, w, t, x, out);
     }
+    fn next_stop(&self, t: f64) -> Option<f64> {
+        (**self).next_stop(t)
+    }
     fn event_kind(
         &self,
         guard: usize,
@@ -274,23 +285,46 @@ impl<S: HybridBodies + ?Sized> HybridBodies for &S {
 /// A system frozen in one of its modes: smooth, and so fit for any method.
 ///
 /// It is what the method of a run that locates events sees ([`Run::locating`](crate::run::Run::locating)). Forms and steppers
-/// borrow it for a whole trajectory. The mode sits behind a cell that only the run sets, between steps.
+/// borrow it for a whole trajectory. The mode sits behind a cell that only the run sets, between steps, as it does the time at which
+/// they must end.
 #[derive(Debug, Clone)]
 pub struct Frozen<'a, H: Hybrid> {
     system: &'a H,
     mode: RefCell<H::Mode>,
+    /// The last time at which the equations are evaluated.
+    last: Cell<f64>,
 }
 
 impl<'a, H: Hybrid> Frozen<'a, H> {
     /// The system in the mode of a state.
     pub fn new(system: &'a H, t: f64, x: &StateOf<H>) -> Self {
         let mode = RefCell::new(system.mode(t, x));
-        Self { system, mode }
+        let frozen = Self { system, mode, last: Cell::new(f64::INFINITY) };
+        frozen.begin(t);
+        frozen
+    }
+
+    /// Begins steps from t; returns the time at which they must end ([`Hybrid::next_stop`]), which may be infinite.
+    pub fn begin(&self, t: f64) -> f64 {
+        let stop = self.system.next_stop(t).unwrap_or(f64::INFINITY);
+        self.last.set(if stop.is_finite() { stop.next_down() } else { stop });
+        stop
+    }
+
+    /// The time at which the equations are evaluated.
+    #[inline(always)]
+    fn time(&self, t: f64) -> f64 {
+        t.min(self.last.get())
     }
 
     /// The system with its modes.
     pub fn system(&self) -> &'a H {
         self.system
+    }
+
+    /// Freezes it in another mode.
+    pub fn freeze(&self, mode: &H::Mode) {
+        self.mode.borrow_mut().clone_from(mode);
     }
 
     /// The mode it is frozen in.
@@ -351,10 +385,10 @@ impl<H: Hybrid> System for Frozen<'_, H> {
     }
     #[inline(always)]
     fn acceleration(&self, w: &mut H::Workspace, t: f64, x: &StateOf<H>, out: &mut RateOf<H>) {
-        self.system.acceleration_in(&self.mode.borrow(), w, t, x, out);
+        self.system.acceleration_in(&self.mode.borrow(), w, self.time(t), x, out);
     }
     fn partials(&self, w: &mut H::Workspace, t: f64, x: &StateOf<H>, out: &mut Partials<H::Configuration>) {
-        self.system.partials_in(&self.mode.borrow(), w, t, x, out);
+        self.system.partials_in(&self.mode.borrow(), w, self.time(t), x, out);
     }
     fn take_fault(&self) -> Option<Fault> {
         self.system.take_fault()
@@ -372,7 +406,7 @@ impl<H: HybridBodies> RigidSystem for Frozen<'_, H> {
     }
     #[inline(always)]
     fn wrenches(&self, t: f64, x: &StateOf<H>, out: &mut RateOf<H>) {
-        self.system.wrenches_in(&self.mode.borrow(), t, x, out);
+        self.system.wrenches_in(&self.mode.borrow(), self.time(t), x, out);
     }
     #[inline(always)]
     fn body_wrenches(
@@ -382,7 +416,7 @@ impl<H: HybridBodies> RigidSystem for Frozen<'_, H> {
         world: &mut (StateOf<H>, RateOf<H>),
         out: &mut BodyRate<H>,
     ) {
-        self.system.body_wrenches_in(&self.mode.borrow(), t, x, world, out);
+        self.system.body_wrenches_in(&self.mode.borrow(), self.time(t), x, world, out);
     }
     #[inline(always)]
     fn is_free(&self) -> bool {

@@ -123,6 +123,11 @@ impl<'a, H: Hybrid> InProgress<'a, H> {
         Ok(run)
     }
 
+    /// Begins steps from the last state; returns the time at which they must end, `end` or before.
+    pub(super) fn begin(&self, end: f64) -> f64 {
+        self.worker.frozen.begin(self.so_far.t).min(end)
+    }
+
     /// Examines the guards that are inside in the last state and never were before.
     fn examine(&mut self) -> Result<(), Interruption<H::Fault>> {
         let (system, t, point) = (self.worker.frozen.system(), self.so_far.t, &self.before);

@@ -20,7 +20,7 @@ use crate::scratch::Scratch;
 use crate::state::{Configuration, Rate};
 use crate::stepper::{MethodInfo, Scheme, Stages, StepError, Stepper};
 use crate::system::{RateOf, StateOf, System};
-use crate::tableau::{ButcherTableau, COMMUTATOR_FREE_4, CommutatorFreeTableau};
+use crate::tableau::{ButcherTableau, COMMUTATOR_FREE_4, CommutatorFreeTableau, Tableau};
 
 register! {
     370 => Cf4: CommutatorFree4, any;
@@ -38,6 +38,10 @@ impl Scheme for CommutatorFree4 {
         "E. Celledoni, A. Marthinsen and B. Owren, Future Gener. Comput. Syst. 19 (2003) 341",
         4,
     );
+
+    fn on_vectors(&self) -> Option<Tableau> {
+        Some(Tableau::of(&COMMUTATOR_FREE_4.on_vectors))
+    }
 }
 
 impl<S: System> Stepper<S> for CommutatorFree4 {

@@ -7,6 +7,7 @@
 
 use crate::stepper::{MethodInfo, Scheme, Stages, StepError, Stepper};
 use crate::system::{StateOf, System};
+use crate::tableau::{EULER, Tableau};
 
 register! {
     10 thesis => Euler: Euler, any;
@@ -27,6 +28,10 @@ impl Scheme for Euler {
             1,
         )
     };
+
+    fn on_vectors(&self) -> Option<Tableau> {
+        Some(Tableau::of(&EULER.on_vectors))
+    }
 }
 
 impl<S: System> Stepper<S> for Euler {

@@ -8,6 +8,7 @@
 use crate::state::Rate;
 use crate::stepper::{MethodInfo, Scheme, Stages, StepError, Stepper};
 use crate::system::{StateOf, System};
+use crate::tableau::{HEUN, Tableau};
 
 register! {
     50 thesis => Heun: Heun, any;
@@ -25,6 +26,10 @@ impl Scheme for Heun {
         "K. Heun, Z. Math. Phys. 45 (1900) 23; Aguilar Mayans, algorithm 9",
         2,
     );
+
+    fn on_vectors(&self) -> Option<Tableau> {
+        Some(Tableau::of(&HEUN))
+    }
 }
 
 impl<S: System> Stepper<S> for Heun {

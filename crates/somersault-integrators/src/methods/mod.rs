@@ -303,14 +303,16 @@ impl<Q: Configuration, R> Visitor<Q> for Engage<'_, Q, R> {
     type Output = Result<R, StepError>;
 
     fn visit<B: Form<Q>, M: Stepper<B>>(self, form: B, stepper: M) -> Self::Output {
-        let encode = |x: &_| form.encode(x);
-        let mut engine = FormEngine::start(&form, &stepper, form.decoder(), &encode, self.initial)?;
+        let encode = |x: &_, out: &mut _| form.encode_into(x, out);
+        let initial = form.encode(self.initial);
+        let mut engine = FormEngine::start(&form, &stepper, form.decoder(), &encode, initial)?;
         Ok((self.run)(&mut engine))
     }
 
     fn visit_embedded<B: Form<Q>, M: EmbeddedStepper<B>>(self, form: B, stepper: M) -> Self::Output {
-        let encode = |x: &_| form.encode(x);
-        let engine = FormEngine::start(&form, &stepper, form.decoder(), &encode, self.initial)?;
+        let encode = |x: &_, out: &mut _| form.encode_into(x, out);
+        let initial = form.encode(self.initial);
+        let engine = FormEngine::start(&form, &stepper, form.decoder(), &encode, initial)?;
         Ok((self.run)(&mut engine.with_estimate()))
     }
 }

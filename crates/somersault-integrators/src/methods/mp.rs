@@ -6,6 +6,7 @@
 
 use crate::stepper::{MethodInfo, Scheme, Stages, StepError, Stepper};
 use crate::system::{StateOf, System};
+use crate::tableau::{MIDPOINT, Tableau};
 
 register! {
     40 thesis => Mp: Midpoint, any;
@@ -23,6 +24,10 @@ impl Scheme for Midpoint {
         "C. Runge, Math. Ann. 46 (1895) 167; Aguilar Mayans, algorithm 8",
         2,
     );
+
+    fn on_vectors(&self) -> Option<Tableau> {
+        Some(Tableau::of(&MIDPOINT))
+    }
 }
 
 impl<S: System> Stepper<S> for Midpoint {

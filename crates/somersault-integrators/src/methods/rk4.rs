@@ -9,7 +9,7 @@
 use crate::state::Rate;
 use crate::stepper::{MethodInfo, Orders, Scheme, Stages, StepError, Stepper};
 use crate::system::{StateOf, System};
-use crate::tableau::{ButcherTableau, RUNGE_KUTTA_4};
+use crate::tableau::{ButcherTableau, RUNGE_KUTTA_4, Tableau};
 
 register! {
     60 thesis => Rk4: RungeKutta4, any;
@@ -33,6 +33,10 @@ impl Scheme for RungeKutta4 {
             4,
         )
     };
+
+    fn on_vectors(&self) -> Option<Tableau> {
+        Some(Tableau::of(&RUNGE_KUTTA_4))
+    }
 }
 
 impl<S: System> Stepper<S> for RungeKutta4 {

@@ -13,7 +13,7 @@
 use crate::state::Rate;
 use crate::stepper::{MethodInfo, Scheme, Stages, StepError, Stepper};
 use crate::system::{RateOf, StateOf, System};
-use crate::tableau::{ButcherTableau, RUNGE_KUTTA_4};
+use crate::tableau::{ButcherTableau, RUNGE_KUTTA_4, Tableau};
 
 register! {
     130 thesis => Rkmk: RungeKuttaMuntheKaas4, any;
@@ -32,6 +32,10 @@ impl Scheme for RungeKuttaMuntheKaas4 {
         "H. Munthe-Kaas, BIT 38 (1998) 92; Aguilar Mayans, algorithm 16",
         4,
     );
+
+    fn on_vectors(&self) -> Option<Tableau> {
+        Some(Tableau::of(&RUNGE_KUTTA_4))
+    }
 }
 
 impl<S: System> Stepper<S> for RungeKuttaMuntheKaas4 {

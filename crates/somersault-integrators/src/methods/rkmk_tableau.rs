@@ -173,6 +173,10 @@ pub struct TableauMemory<S: System> {
 
 impl<T: Coefficients> Scheme for RungeKuttaMuntheKaas<T> {
     const INFO: MethodInfo = T::INFO;
+
+    fn on_vectors(&self) -> Option<Tableau> {
+        Some(self.0.tableau().clone())
+    }
 }
 
 /// Index of the slope at the end of the step.

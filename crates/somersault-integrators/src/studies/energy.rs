@@ -191,7 +191,8 @@ pub fn energy_of<M: Stepper<RigidBodySystem> + Sync>(
     study(setup, bodies, progress, &|body| {
         let system = RigidBodySystem::free(*body);
         let initial = RigidBodyState::spinning(setup.angular_velocity);
-        let mut engine = FormEngine::start(&system, stepper, Unchanged, &RigidBodyState::clone, &initial)?;
+        let encode = |x: &RigidBodyState, out: &mut RigidBodyState| out.assign(x);
+        let mut engine = FormEngine::start(&system, stepper, Unchanged, &encode, initial)?;
         Ok(run(&mut engine, &initial, body, setup)?)
     })
 }

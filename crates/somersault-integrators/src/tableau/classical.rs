@@ -72,6 +72,14 @@ pub const EULER: CommutatorFreeTableau = CommutatorFreeTableau {
     end: &[combination!([1.0] / 1.0)],
 };
 
+/// Runge's method of order 2 by the midpoint.
+pub(crate) const MIDPOINT: ButcherTableau =
+    ButcherTableau { nodes: &[0.0, 0.5], rows: &[&[], &[0.5]], weights: combination!([0.0, 1.0] / 1.0) };
+
+/// Heun's method of order 2.
+pub(crate) const HEUN: ButcherTableau =
+    ButcherTableau { nodes: &[0.0, 1.0], rows: &[&[], &[1.0]], weights: combination!([1.0, 1.0] / 2.0) };
+
 /// The classical method of order 4.
 pub const RUNGE_KUTTA_4: ButcherTableau = ButcherTableau {
     nodes: &[0.0, 0.5, 0.5, 1.0],
@@ -97,7 +105,7 @@ mod tests {
 
     #[test]
     fn constants_are_tableaus() {
-        for ButcherTableau { nodes, rows, weights } in [EULER.on_vectors, RUNGE_KUTTA_4] {
+        for ButcherTableau { nodes, rows, weights } in [EULER.on_vectors, MIDPOINT, HEUN, RUNGE_KUTTA_4] {
             let tableau = Tableau::try_new(rows, weights.factors, nodes).unwrap();
             assert_eq!(tableau.stages(), rows.len());
             assert!(rows.iter().enumerate().all(|(i, row)| row.len() == i));

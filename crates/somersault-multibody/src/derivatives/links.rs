@@ -8,6 +8,7 @@
 //! since the columns of a joint move with its body.
 
 use super::DerivativeData;
+use crate::articulated::{Roles, Split};
 use crate::model::Model;
 use crate::spatial::{Force, Motion};
 use nalgebra::DMatrix;
@@ -77,8 +78,15 @@ impl Model {
     }
 
     /// The change of the accelerations along a motion of the joints, a change of their velocities and one of the joint forces,
-    /// by the last partials of forward dynamics in the workspace.
-    pub(crate) fn acceleration_change(work: &DerivativeData, along: [&[f64]; 3], out: &mut [f64]) {
+    /// by the last partials of forward dynamics in the workspace, or of hybrid dynamics with a split, of whose active degrees of
+    /// freedom the accelerations `given` change.
+    pub(crate) fn acceleration_change(
+        work: &DerivativeData,
+        split: Option<&Split>,
+        along: [&[f64]; 3],
+        given: &[f64],
+        out: &mut [f64],
+    ) {
         out.fill(0.0);
         let by: [&DMatrix<f64>; 3] = [&work.forward.q, &work.forward.v, &work.response];
         for (matrix, change) in by.into_iter().zip(along) {
@@ -87,6 +95,14 @@ impl Model {
                     out.iter_mut().zip(&column).for_each(|(out, x)| *out += x * change);
                 }
             }
+        }
+        let Some(split) = split else { return };
+        let active = |k: &usize| split.is_active(*k);
+        for k in (0..out.len()).filter(active) {
+            out.iter_mut().zip(&work.input.column(k)).for_each(|(out, x)| *out += x * given[k]);
+        }
+        for k in (0..out.len()).filter(active) {
+            out[k] = given[k];
         }
     }
 }

@@ -25,9 +25,13 @@
 pub(crate) mod elimination;
 mod links;
 mod momentum;
+mod parameters;
+mod transposed;
 
 pub(crate) use links::Varying;
 pub use momentum::MomentumPartials;
+pub use parameters::TreeParameter;
+pub(crate) use transposed::Pulled;
 
 use crate::data::{Data, TreeData};
 use crate::error::DynamicsError;

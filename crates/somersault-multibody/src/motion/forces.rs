@@ -20,6 +20,18 @@ pub trait TreeForces {
         None
     }
 
+    /// Whether the forces depend on positions or velocities, as by default; of those that depend on time alone derivatives are not
+    /// taken.
+    fn depends_on_state(&self) -> bool {
+        true
+    }
+
+    /// The first time after `t` at which the forces are not smooth in time; none, as by default, where they always are. Runs that
+    /// locate events end a step there.
+    fn next_stop(&self, _t: f64) -> Option<f64> {
+        None
+    }
+
     /// The potential of the forces for positions `q`, J, where they give the tree no energy that is not taken from it;
     /// never negative. `None`, as by default, where they may give energy, or nothing is known.
     fn potential(&self, _q: &[f64]) -> Option<f64> {
@@ -36,6 +48,9 @@ pub trait BodyWrenches {
 
 impl TreeForces for () {
     fn add_torque(&self, _: f64, _: &[f64], _: &[f64], _: &mut [f64]) {}
+    fn depends_on_state(&self) -> bool {
+        false
+    }
     fn potential(&self, _: &[f64]) -> Option<f64> {
         Some(0.0)
     }
@@ -56,6 +71,12 @@ impl<A: TreeForces, B: TreeForces> TreeForces for (A, B) {
     }
     fn wrenches(&self) -> Option<&dyn BodyWrenches> {
         (self.0.wrenches().is_some() || self.1.wrenches().is_some()).then_some(self)
+    }
+    fn depends_on_state(&self) -> bool {
+        self.0.depends_on_state() || self.1.depends_on_state()
+    }
+    fn next_stop(&self, t: f64) -> Option<f64> {
+        self.0.next_stop(t).into_iter().chain(self.1.next_stop(t)).reduce(f64::min)
     }
     fn potential(&self, q: &[f64]) -> Option<f64> {
         Some(self.0.potential(q)? + self.1.potential(q)?)
@@ -78,6 +99,12 @@ impl TreeForces for Box<dyn TreeForces + Send + Sync> {
     fn wrenches(&self) -> Option<&dyn BodyWrenches> {
         (**self).wrenches()
     }
+    fn depends_on_state(&self) -> bool {
+        (**self).depends_on_state()
+    }
+    fn next_stop(&self, t: f64) -> Option<f64> {
+        (**self).next_stop(t)
+    }
     fn potential(&self, q: &[f64]) -> Option<f64> {
         (**self).potential(q)
     }
@@ -93,6 +120,16 @@ pub trait JointDrive {
     fn is_active(&self) -> bool {
         true
     }
+
+    /// Which degrees of freedom follow accelerations that [`accelerations`](Self::accelerations) writes, where the motion is that of
+    /// [`hybrid_dynamics`](Model::hybrid_dynamics) with them, as derivatives take it; `None`, as by default, where none does or the
+    /// drive is another one.
+    fn split(&self) -> Option<&Split> {
+        None
+    }
+
+    /// Writes the accelerations of those for (t, q, v); what it writes to the others is not read.
+    fn accelerations(&self, _t: f64, _q: &[f64], _v: &[f64], _out: &mut [f64]) {}
 }
 
 impl JointDrive for () {
@@ -129,5 +166,11 @@ impl<P: Fn(f64, &[f64], &[f64], &mut [f64])> JointDrive for Driven<P> {
     }
     fn is_active(&self) -> bool {
         self.split.active().iter().any(|active| *active)
+    }
+    fn split(&self) -> Option<&Split> {
+        self.is_active().then_some(&self.split)
+    }
+    fn accelerations(&self, t: f64, q: &[f64], v: &[f64], out: &mut [f64]) {
+        (self.motion)(t, q, v, out);
     }
 }

@@ -1,11 +1,14 @@
 //! First variations of the motion of a tree: what its accelerations do along a tangent to its state.
 
+use super::variation::Ends;
 use super::{Coordinates, JointDrive, Rates, TreeForces, TreeSystem, TreeVariation, TreeWorkspace};
+use crate::articulated::Roles;
+use crate::derivatives::TreeParameter;
+use crate::error::DynamicsError;
 use crate::model::Model;
 use crate::spatial::Force;
-use somersault_integrators::state::Configuration;
+use somersault_integrators::state::{Configuration, Rate};
 
-/// Of a tree that no joint drives.
 impl<F: TreeForces, D: JointDrive> TreeSystem<'_, F, D> {
     /// Room for the derivative of accelerations.
     pub fn variation(&self) -> TreeVariation {
@@ -13,16 +16,59 @@ impl<F: TreeForces, D: JointDrive> TreeSystem<'_, F, D> {
     }
 
     /// Linearises the accelerations in the state, and under the wrenches, whose accelerations were the last to be computed in
-    /// the workspace `w`; false where there are none, or joints are driven.
+    /// the workspace `w`; false where there are none, or joints are driven otherwise than by accelerations
+    /// ([`JointDrive::split`]).
     pub fn linearize(&self, w: &TreeWorkspace, d: &mut TreeVariation, q: &Coordinates) -> bool {
-        if self.is_driven() {
-            return false;
-        }
         d.v.copy_from_slice(&w.v);
         d.acceleration.copy_from_slice(&w.acceleration);
-        let model = self.model();
-        let found = model.forward_dynamics_partials(&mut d.work, q.as_slice(), &w.v, &w.torque, &w.wrenches);
+        let TreeVariation { work, known, .. } = d;
+        let (model, q) = (self.model(), q.as_slice());
+        let found = match self.drive().split() {
+            Some(split) => {
+                for (k, known) in known.iter_mut().enumerate() {
+                    *known = if split.is_active(k) { w.acceleration[k] } else { w.torque[k] };
+                }
+                model.hybrid_dynamics_partials(work, split, q, &w.v, known, &w.wrenches)
+            }
+            None if self.is_driven() => return false,
+            None => model.forward_dynamics_partials(work, q, &w.v, &w.torque, &w.wrenches),
+        };
         self.keep(found.map(|_| ())).is_some()
+    }
+
+    /// Why the accelerations have no derivative with respect to a parameter of the tree, if they have none: a body that there is not, numbers
+    /// that are not finite, and the placement of a joint under wrenches of the forces, which are functions of the poses of bodies.
+    pub fn check_parameter(&self, parameter: &TreeParameter) -> Result<(), DynamicsError> {
+        parameter.check(self.model())?;
+        match parameter {
+            TreeParameter::Placement(..) if self.forces().wrenches().is_some() => {
+                Err(DynamicsError::PlacementUnderWrenches)
+            }
+            TreeParameter::Mass(_)
+            | TreeParameter::Center(..)
+            | TreeParameter::Inertia(..)
+            | TreeParameter::Placement(..) => Ok(()),
+        }
+    }
+
+    /// Goes along a parameter of the tree besides, after [`vary`](Self::vary): moves the links, and changes forces as if it were they that
+    /// change the accelerations.
+    pub fn vary_parameter(&self, d: &mut TreeVariation, parameter: &TreeParameter) {
+        let model = self.model();
+        let TreeVariation { work, torque, wrenches, links, .. } = d;
+        if let Some(wrench) = model.inertia_wrench(work, parameter) {
+            wrenches[parameter.body()] += wrench;
+        }
+        if let TreeParameter::Placement(body, direction) = parameter {
+            model.add_placement_forces(work, (*body, direction), torque);
+            let tangent = model.placement_tangent(work, (*body, direction));
+            for (i, link) in links.iter_mut().enumerate().skip(*body) {
+                if model.carries(*body, i) {
+                    link.displacement.axpy(1.0, &tangent.displacement);
+                    link.rate.axpy(1.0, &tangent.rate);
+                }
+            }
+        }
     }
 
     /// Goes along a tangent (δq, δp) to the state (q, p): moves the links, and changes the forces of the system.
@@ -41,9 +87,25 @@ impl<F: TreeForces, D: JointDrive> TreeSystem<'_, F, D> {
         self.vary_forces(d, t, q, displacement);
     }
 
-    /// The changes of joint forces and wrenches, by central differences.
+    /// The changes of joint forces, wrenches, and accelerations of driven joints, by central differences.
     fn vary_forces(&self, d: &mut TreeVariation, t: f64, q: &Coordinates, displacement: &Rates) {
-        let TreeVariation { v, way, rate, torque, wrenches, ends, .. } = d;
+        let TreeVariation { v, way, rate, torque, given, wrenches, ends, .. } = d;
+        self.difference(ends, t, (q, v), (displacement, way, rate), (torque, given, wrenches));
+    }
+
+    /// Adds the changes of joint forces, accelerations of driven joints and wrenches along a displacement, by which the joints move along
+    /// `way`, and a change of their velocities: central differences.
+    pub(super) fn difference(
+        &self,
+        ends: &mut Ends,
+        t: f64,
+        (q, v): (&Coordinates, &[f64]),
+        (displacement, way, rate): (&Rates, &[f64], &[f64]),
+        (torque, given, wrenches): (&mut [f64], &mut [f64], &mut [Force<f64>]),
+    ) {
+        if !self.is_driven() && !self.forces().depends_on_state() {
+            return;
+        }
         let norm = |numbers: &[f64]| numbers.iter().map(|x| x * x).sum::<f64>().sqrt();
         let reach = |size: f64, change: f64| f64::EPSILON.cbrt() * size.max(1.0) / change;
         let step = reach(norm(q.as_slice()), norm(way)).min(reach(norm(v), norm(rate)));
@@ -55,12 +117,18 @@ impl<F: TreeForces, D: JointDrive> TreeSystem<'_, F, D> {
             let weight = 0.5 / step;
             moved.assign(q);
             moved.drift(displacement, step);
-            for ((end, v), rate) in ends.v.iter_mut().zip(&*v).zip(&*rate) {
+            for ((end, v), rate) in ends.v.iter_mut().zip(v).zip(rate) {
                 *end = v + step * rate;
             }
             ends.torque.fill(0.0);
             self.forces().add_torque(t, moved.as_slice(), &ends.v, &mut ends.torque);
             torque.iter_mut().zip(&ends.torque).for_each(|(torque, end)| *torque += weight * end);
+            if let Some(split) = self.drive().split() {
+                self.drive().accelerations(t, moved.as_slice(), &ends.v, &mut ends.given);
+                for (k, (given, end)) in given.iter_mut().zip(&ends.given).enumerate() {
+                    *given += if split.is_active(k) { weight * end } else { 0.0 };
+                }
+            }
             let Some(forces) = self.forces().wrenches() else { continue };
             let bodies = self.model().velocities(&mut ends.data, moved.as_slice(), &ends.v);
             let Some(bodies) = self.keep(bodies) else { continue };
@@ -73,9 +141,9 @@ impl<F: TreeForces, D: JointDrive> TreeSystem<'_, F, D> {
     /// The change of the acceleration of [`System`](somersault_integrators::system::System) along the tangent, with what was
     /// added.
     pub fn acceleration_change(&self, d: &mut TreeVariation, q: &Coordinates, out: &mut Rates) {
-        let TreeVariation { work, v, acceleration, way, rate, torque, change, wrenches, .. } = d;
+        let TreeVariation { work, v, acceleration, way, rate, torque, given, change, wrenches, .. } = d;
         self.model().add_joint_forces(work, wrenches, torque);
-        Model::acceleration_change(work, [way, rate, torque], change);
+        Model::acceleration_change(work, self.drive().split(), [way, rate, torque], given, change);
         let along = (&way[..], &rate[..], &change[..]);
         self.model().second_rates_change(q.as_slice(), (v, acceleration), along, out.as_mut_slice());
     }

@@ -35,16 +35,20 @@
 mod bounds;
 mod forces;
 mod linearized;
+mod profile;
 mod state;
 mod system;
+mod transposed;
 mod variation;
 mod workspace;
 
 pub use crate::coordinates::{Coordinates, Rates};
 pub use bounds::{LinkBound, LinkBounds, mobility_bound};
 pub use forces::{BodyWrenches, Driven, JointDrive, TreeForces};
+pub use profile::{Between, Knots, TorqueProfile};
 pub use state::TreeState;
 pub use system::{TreeDynamics, TreeSystem};
+pub use transposed::TreeAdjoint;
 pub use variation::TreeVariation;
 pub use workspace::TreeWorkspace;
 

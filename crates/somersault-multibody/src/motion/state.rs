@@ -7,6 +7,7 @@ use crate::coordinates::{Coordinates, Factor, Layout, Rates};
 use crate::error::DynamicsError;
 use crate::joint::{Group, Joint, JointKind, Turning};
 use crate::model::{Body, Model, Place};
+use crate::spatial::{Force, Motion};
 use nalgebra::{UnitQuaternion, Vector3};
 use somersault_core::argument::expect_length;
 use somersault_core::lie::so3::from_xyzw;
@@ -138,6 +139,79 @@ impl Model {
         });
     }
 
+    /// out ← the displacement by a motion of the joints; lengths must fit.
+    pub(crate) fn displacement_into(&self, q: &[f64], way: &[f64], out: &mut Rates) {
+        out.as_mut_slice().copy_from_slice(way);
+        self.turn_linear_parts(q, out.as_mut_slice(), |turn, part, _| turn * part);
+    }
+
+    /// The transpose of [`joint_tangent_into`](Self::joint_tangent_into): adds to `displacement` and `rate` what covectors on the motion of
+    /// the joints and on the change of their velocities are on a tangent to the state; lengths must fit.
+    pub(crate) fn pull_joint_tangent(
+        &self,
+        (q, v): (&[f64], &[f64]),
+        (way, change): (&mut [f64], &mut [f64]),
+        (displacement, rate): (&mut Rates, &mut Rates),
+    ) {
+        for (turn, body, place) in self.turned_joints(q) {
+            let dofs = place.dofs.clone();
+            let [of_way, of_change] =
+                [&*way, &*change].map(|numbers| self.own_motion(body, &numbers[dofs.clone()]));
+            let linear = of_change.linear;
+            let velocity = self.own_motion(body, &v[dofs.clone()]).linear;
+            let turned = Force::new(turn * of_way.linear, of_way.angular - velocity.cross(&linear));
+            self.write_own_covector(body, &turned, &mut way[dofs.clone()]);
+            let turned = Force::new(turn * linear, of_change.angular);
+            self.write_own_covector(body, &turned, &mut change[dofs]);
+        }
+        for (out, found) in [(displacement, way), (rate, change)] {
+            out.as_mut_slice().iter_mut().zip(&*found).for_each(|(out, x)| *out += x);
+        }
+    }
+
+    /// The transpose of [`second_rates_change`](Self::second_rates_change): what a covector on the rates of the rates is on a motion of the
+    /// joints and on the changes of v and a; lengths must fit.
+    pub(crate) fn pull_second_rates_change(
+        &self,
+        q: &[f64],
+        (v, a): (&[f64], &[f64]),
+        covector: &[f64],
+        [way, rate, change]: [&mut [f64]; 3],
+    ) {
+        way.fill(0.0);
+        rate.fill(0.0);
+        change.copy_from_slice(covector);
+        for (turn, body, place) in self.turned_joints(q) {
+            let dofs = place.dofs.clone();
+            let [velocity, acceleration, of_change] =
+                [v, a, covector].map(|numbers| self.own_motion(body, &numbers[dofs.clone()]));
+            let part = turn.inverse() * of_change.linear;
+            let whole = acceleration.linear + velocity.angular.cross(&velocity.linear);
+            let of_way = Force::new(Vector3::zeros(), whole.cross(&part));
+            let of_rate = Force::new(part.cross(&velocity.angular), velocity.linear.cross(&part));
+            self.write_own_covector(body, &of_way, &mut way[dofs.clone()]);
+            self.write_own_covector(body, &of_rate, &mut rate[dofs.clone()]);
+            self.write_own_covector(body, &Force::new(part, of_change.angular), &mut change[dofs]);
+        }
+    }
+
+    /// The planar and free joints with the rotations of their bodies.
+    fn turned_joints<'a>(
+        &'a self,
+        q: &'a [f64],
+    ) -> impl Iterator<Item = (UnitQuaternion<f64>, &'a Body<f64>, &'a Place)> {
+        self.bodies.iter().zip(&self.places).zip(self.links()).filter_map(|((body, place), link)| {
+            let kind = link.joint.kind();
+            let orientation = place.q.start + kind.n_linear;
+            let turn = match kind.group() {
+                Group::Vector | Group::Rotations => return None,
+                Group::PlanarMotions => UnitQuaternion::from_axis_angle(&Vector3::z_axis(), q[orientation]),
+                Group::Motions => from_xyzw(&q[orientation..]),
+            };
+            Some((turn, body, place))
+        })
+    }
+
     /// Replaces the linear part of every planar and free joint by `map`(R, part, body).
     fn turn_linear_parts(
         &self,
@@ -145,18 +219,17 @@ impl Model {
         numbers: &mut [f64],
         map: impl Fn(&UnitQuaternion<f64>, Vector3<f64>, (&Body<f64>, &Place)) -> Vector3<f64>,
     ) {
-        for ((body, place), link) in self.bodies.iter().zip(&self.places).zip(self.links()) {
-            let kind = link.joint.kind();
-            let n_linear = kind.n_linear;
-            let orientation = place.q.start + n_linear;
-            let turn = match kind.group() {
-                Group::Vector | Group::Rotations => continue,
-                Group::PlanarMotions => UnitQuaternion::from_axis_angle(&Vector3::z_axis(), q[orientation]),
-                Group::Motions => from_xyzw(&q[orientation..]),
-            };
-            let part = self.own_motion(body, &numbers[place.dofs.clone()]).linear;
-            let mapped = map(&turn, part, (body, place));
-            numbers[place.dofs.clone()][..n_linear].copy_from_slice(&mapped.as_slice()[..n_linear]);
+        for (turn, body, place) in self.turned_joints(q) {
+            let Motion { linear, angular } = self.own_motion(body, &numbers[place.dofs.clone()]);
+            let mapped = Force::new(map(&turn, linear, (body, place)), angular);
+            self.write_own_covector(body, &mapped, &mut numbers[place.dofs.clone()]);
+        }
+    }
+
+    /// numbers ← a covector on the motion of a joint, by its degrees of freedom.
+    fn write_own_covector(&self, body: &Body<f64>, covector: &Force<f64>, numbers: &mut [f64]) {
+        for (number, direction) in numbers.iter_mut().zip(&self.directions[body.dofs.clone()]) {
+            *number = direction.dot(covector);
         }
     }
 }

@@ -60,6 +60,16 @@ impl<F: TreeForces, D: JointDrive> TreeSystem<'_, F, D> {
         &self.forces
     }
 
+    /// What drives joints.
+    pub(super) fn drive(&self) -> &D {
+        &self.drive
+    }
+
+    /// Which degrees of freedom follow prescribed accelerations: [`JointDrive::split`].
+    pub fn split(&self) -> Option<&Split> {
+        self.drive.split()
+    }
+
     /// Whether some joints follow prescribed accelerations.
     pub fn is_driven(&self) -> bool {
         self.drive.is_active()
@@ -145,9 +155,10 @@ impl<F: TreeForces, D: JointDrive> System for TreeSystem<'_, F, D> {
         self.acceleration_under(w, t, (&x.configuration, &x.rate), None, out);
     }
 
-    /// Analytic, but for forces other than the weight and the damping of joints; by differences where joints are driven.
+    /// Analytic, but for forces other than the weight and the damping of joints, and accelerations of driven joints; by differences
+    /// where joints are driven otherwise.
     fn partials(&self, w: &mut TreeWorkspace, t: f64, x: &TreeState, out: &mut Partials<Coordinates>) {
-        if self.is_driven() {
+        if self.is_driven() && self.drive.split().is_none() {
             return out.by_differences(x, |x, acceleration| self.acceleration(w, t, x, acceleration));
         }
         let mut variation = w.variation.take().unwrap_or_else(|| Box::new(self.variation()));

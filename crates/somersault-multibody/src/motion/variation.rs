@@ -24,6 +24,10 @@ pub struct TreeVariation {
     pub(super) rate: Vec<f64>,
     pub(super) torque: Vec<f64>,
     pub(super) change: Vec<f64>,
+    /// What hybrid dynamics knows of each degree of freedom of a tree with driven joints: force or acceleration.
+    pub(super) known: Vec<f64>,
+    /// The changes of the accelerations of driven joints.
+    pub(super) given: Vec<f64>,
     /// Changes of wrenches on the bodies, body axes.
     pub(super) wrenches: Vec<Force<f64>>,
     pub(super) room: Vec<Varying>,
@@ -38,6 +42,7 @@ pub(super) struct Ends {
     pub(super) moved: Option<Coordinates>,
     pub(super) v: Vec<f64>,
     pub(super) torque: Vec<f64>,
+    pub(super) given: Vec<f64>,
     pub(super) wrenches: Vec<Force<f64>>,
 }
 
@@ -54,13 +59,16 @@ impl TreeVariation {
             rate: none.clone(),
             torque: none.clone(),
             change: none.clone(),
+            known: none.clone(),
+            given: none.clone(),
             room: vec![[Motion::zero(); 2]; bodies],
             links: vec![Tangent::default(); bodies],
             ends: Ends {
                 data: Data::new(model),
                 moved: None,
                 v: none.clone(),
-                torque: none,
+                torque: none.clone(),
+                given: none,
                 wrenches: wrenches.clone(),
             },
             wrenches,
@@ -89,6 +97,7 @@ impl TreeVariation {
         self.way.fill(0.0);
         self.rate.fill(0.0);
         self.torque.fill(0.0);
+        self.given.fill(0.0);
         self.wrenches.fill(Force::zero());
     }
 }

@@ -8,6 +8,7 @@ pub(crate) mod surface;
 pub(crate) mod system;
 pub(crate) mod touches;
 pub(crate) mod tree;
+mod tree_gradient;
 mod tree_models;
 pub(crate) mod tree_sensitivity;
 
@@ -34,6 +35,8 @@ pub(crate) mod module {
     };
     #[pymodule_export]
     use crate::contact::tree::{LinkContact, LinkEvent, LinkPair, TreeContacts};
+    #[pymodule_export]
+    use crate::contact::tree_gradient::{TreeGradient, gradient_tree};
     #[pymodule_export]
     use crate::contact::tree_models::{
         TreeContactSystem, hopping_leg, planar_biped, quadruped, ragdoll, springboard,

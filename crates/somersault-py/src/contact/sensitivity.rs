@@ -193,10 +193,10 @@ fn parameter(value: &Bound<'_, PyAny>) -> Result<Parameter, Error> {
 }
 
 /// What to differentiate by: each entry of a sequence, as `parameter` reads it; nothing where none is given.
-pub(crate) fn parameters(
+pub(crate) fn parameters<P>(
     value: Option<&Bound<'_, PyAny>>,
-    parameter: impl Fn(&Bound<'_, PyAny>) -> Result<Parameter, Error>,
-) -> Result<Vec<Parameter>, Error> {
+    parameter: impl Fn(&Bound<'_, PyAny>) -> Result<P, Error>,
+) -> Result<Vec<P>, Error> {
     let Some(value) = value else { return Ok(Vec::new()) };
     let wrong = || Error::input(format!("`parameters` must be a sequence, found {}", a_type(value)));
     sequence(value).ok_or_else(wrong)?.try_iter()?.map(|entry| parameter(&entry?)).collect()

@@ -363,6 +363,7 @@ impl TreeTouches {
 }
 
 /// Contacts as they were given.
+#[derive(Default)]
 pub(crate) struct TreeContactList {
     on_surfaces: Vec<Py<LinkContact>>,
     pairs: Vec<Py<LinkPair>>,

@@ -3,23 +3,28 @@
 use crate::contact::sensitivity::{Derivatives, PickledDerivatives, outcome_of, parameters as parameters_of};
 use crate::contact::tree::{LinkEvent, TreeContactList, TreeTouches, stretched};
 use crate::core::callable::Failure;
-use crate::core::convert::{array, finite_all, integer_or_none, interval_of, with_shape};
+use crate::core::convert::{array, finite_all, integer_or_none, interval_of, sequence, vector, with_shape};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, value};
 use crate::integrators::methods;
 use crate::integrators::monitor::Monitor;
 use crate::integrators::plan::{Plan, StepArguments};
-use crate::multibody::given::Given;
+use crate::multibody::given::{Given, drive};
 use crate::multibody::model::Model;
+use crate::multibody::profile::TorqueProfile;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
-use somersault::contact::sensitivity::{self, Differentiation, Parameter, SensitivityRun, VariedOf};
+use somersault::contact::sensitivity::{self, Differentiation, Parameter, SensitivityRun};
 use somersault::contact::tree::TreeInContact;
+use somersault::integrators::augmented::{Augmented, AugmentedRate};
 use somersault::integrators::events::Location;
 use somersault::integrators::methods::{Method, Options};
+use somersault::integrators::nalgebra::Matrix3;
 use somersault::integrators::state::State;
-use somersault::multibody::motion::{TreeForces, TreeSystem};
+use somersault::integrators::variation::Varied;
+use somersault::multibody::motion::{Coordinates, JointDrive, Rates, TreeForces, TreeState, TreeSystem};
+use somersault::multibody::{self, Split, TreeParameter};
 
 /// A motion of a tree through contacts and its derivative.
 ///
@@ -66,9 +71,9 @@ value! {
 }
 
 impl TreeSensitivities {
-    fn of<F: TreeForces>(
+    fn of<F: TreeForces, D: JointDrive>(
         py: Python<'_>,
-        system: &TreeInContact<'_, F>,
+        system: &TreeInContact<'_, F, D>,
         found: &sensitivity::TreeSensitivities,
     ) -> Result<Self, Error> {
         let sensitivity::TreeSensitivities { run, state, parameters, event_times } = found;
@@ -123,33 +128,179 @@ impl TreeSensitivities {
     }
 }
 
-/// A constant of a law of contact, or a joint force.
-fn parameter(value: &Bound<'_, PyAny>, names: &[String]) -> Result<Parameter, Error> {
+/// What a parameter is: a constant of a law of contact, a joint force or those at knots, or a number that describes a link.
+fn parameter(
+    value: &Bound<'_, PyAny>,
+    (model, names): (&multibody::Model, &[String]),
+) -> Result<Vec<Parameter>, Error> {
     let contact = |of: &Bound<'_, PyAny>| match of.extract::<usize>() {
         Ok(number) => Some(number),
         Err(_) => of.extract::<String>().ok().and_then(|of| names.iter().position(|name| *name == of)),
     };
-    let parameter = value.extract::<(String, Bound<'_, PyAny>)>().ok().and_then(|(name, of)| {
-        match name.split_once('.') {
-            Some(("law", name)) => Some(Parameter::normal(contact(&of)?, name.to_string())),
-            Some(("friction", name)) => Some(Parameter::friction(contact(&of)?, name.to_string())),
-            None if name == "torque" => of.extract::<usize>().ok().map(Parameter::JointForce),
-            Some(_) | None => None,
+    let body = |of: &Bound<'_, PyAny>| match of.extract::<String>() {
+        Ok(name) => model.body(&name).map(Some).map_err(Error::from),
+        Err(_) => Ok(None),
+    };
+    let one = |parameter| Some(vec![parameter]);
+    let of_tree = |parameter| one(Parameter::Tree(parameter));
+    let parts = sequence(value).map(|parts| parts.try_iter()?.collect::<PyResult<Vec<_>>>()).transpose()?;
+    let parts = parts.unwrap_or_default();
+    let name = parts.first().and_then(|name| name.extract::<String>().ok()).unwrap_or_default();
+    let found = match (name.split_once('.'), name.as_str(), &parts[..]) {
+        (Some(("law", name)), _, [_, of]) => {
+            contact(of).and_then(|of| one(Parameter::normal(of, name.to_string())))
         }
-    });
-    match parameter {
-        Some(parameter) => Ok(parameter),
+        (Some(("friction", name)), _, [_, of]) => {
+            contact(of).and_then(|of| one(Parameter::friction(of, name.to_string())))
+        }
+        (None, "torque", [_, dof]) => {
+            dof.extract::<usize>().ok().and_then(|dof| one(Parameter::JointForce(dof)))
+        }
+        (None, "torque", [_, dof, profile]) => {
+            match (dof.extract::<usize>(), profile.cast::<TorqueProfile>()) {
+                (Ok(dof), Ok(profile)) => {
+                    Some(Parameter::joint_forces_at(dof, profile.get().profile.knots()).collect())
+                }
+                (Ok(_) | Err(_), _) => None,
+            }
+        }
+        (None, "mass", [_, of]) => body(of)?.and_then(|body| of_tree(TreeParameter::Mass(body))),
+        (None, "center", [_, of, way]) => match body(of)? {
+            Some(body) => of_tree(TreeParameter::Center(body, vector("parameters", way)?)),
+            None => None,
+        },
+        (None, "origin", [_, of, way]) => match body(of)? {
+            Some(body) => of_tree(TreeParameter::Placement(body, vector("parameters", way)?)),
+            None => None,
+        },
+        (None, "inertia", [_, of, tensor]) => match body(of)? {
+            Some(body) => {
+                let numbers = finite_all("parameters", with_shape("parameters", &[3, 3], tensor)?)?;
+                of_tree(TreeParameter::Inertia(body, Matrix3::from_row_slice(&numbers)))
+            }
+            None => None,
+        },
+        (Some(_) | None, _, _) => None,
+    };
+    match found {
+        Some(found) => Ok(found),
         None => Err(Error::input(format!(
-            "`parameters` must hold ('law.NAME', contact), ('friction.NAME', contact) or ('torque', degree of freedom), found {}",
+            "`parameters` must hold ('law.NAME', contact), ('friction.NAME', contact), ('torque', degree of freedom), \
+             ('torque', degree of freedom, TorqueProfile), ('mass', body), ('center', body, direction), \
+             ('inertia', body, tensor) or ('origin', body, direction), found {}",
             value.repr()?
         ))),
     }
 }
 
+/// The arguments of a run of a tree that is differentiated.
+pub(crate) struct Arguments<'a, 'py> {
+    pub(crate) q: &'a Bound<'py, PyAny>,
+    pub(crate) v: &'a Bound<'py, PyAny>,
+    pub(crate) interval: [f64; 2],
+    pub(crate) steps: StepArguments,
+    pub(crate) contacts: &'a Bound<'py, PyAny>,
+    pub(crate) method: Option<&'a Bound<'py, PyAny>>,
+    pub(crate) torque: Option<&'a Bound<'py, PyAny>>,
+    pub(crate) active: Option<&'a Bound<'py, PyAny>>,
+    pub(crate) acceleration: Option<&'a Bound<'py, PyAny>>,
+}
+
+/// A run of a tree that is differentiated, before its system is made.
+pub(crate) struct Prepared {
+    pub(crate) state: TreeState,
+    pub(crate) plan: Plan,
+    pub(crate) failure: Failure,
+    torque: Given,
+    acceleration: Given,
+    split: Split,
+    contacts: TreeContactList,
+}
+
+impl Prepared {
+    pub(crate) fn of(
+        py: Python<'_>,
+        model: &Model,
+        Arguments { q, v, interval, steps, contacts, method, torque, active, acceleration }: Arguments<
+            '_,
+            '_,
+        >,
+    ) -> Result<Self, Error> {
+        let tree = &model.model;
+        let n = tree.n_velocities();
+        let default = if steps.dt.is_some() { Method::Rkmk } else { Method::Rkmk8 };
+        let method = method.map_or(Ok(default), |m| methods::extract("method", m))?;
+        let steps = steps.steps(method, (interval[0], interval[1]))?;
+        let q = finite_all("q", with_shape("q", &[tree.n_positions()], q)?)?;
+        let v = finite_all("v", with_shape("v", &[n], v)?)?;
+        let state = tree.state(&q, &v)?;
+        let failure = Failure::default();
+        let torque = Given::extract("torque", n, torque, &failure)?;
+        if acceleration.is_some() && active.is_none() {
+            return Err(Error::input(
+                "`acceleration` is that of `active` degrees of freedom, and there are none",
+            ));
+        }
+        let split = active.map_or(Ok(Split::new(vec![false; n])), |active| model.split(active))?;
+        let acceleration = Given::accelerations(n, acceleration, &failure)?;
+        let contacts = TreeContactList::extract("contacts", contacts)?;
+        let plan = Plan {
+            method,
+            options: Options::default(),
+            steps,
+            every: u64::MAX,
+            dense: false,
+            calls_python: torque.is_callable() || acceleration.is_callable() || contacts.calls_python(py),
+            return_interrupted: false,
+        };
+        Ok(Self { state, plan, failure, torque, acceleration, split, contacts })
+    }
+
+    /// The tree in contact.
+    pub(crate) fn system<'s>(
+        &'s self,
+        py: Python<'_>,
+        model: &'s Model,
+    ) -> Result<TreeInContact<'s, &'s Given, impl JointDrive + use<'s>>, Error> {
+        let tree = TreeSystem::new(&model.model, &self.torque);
+        let tree = tree.driven(self.split.clone(), drive(&self.acceleration))?;
+        self.contacts.on(py, tree, &self.failure)
+    }
+
+    /// What to differentiate a system by.
+    pub(crate) fn by<D: JointDrive>(
+        &self,
+        system: &TreeInContact<'_, &Given, D>,
+        parameters: Option<&Bound<'_, PyAny>>,
+        stretches: Option<&Bound<'_, PyAny>>,
+        grazing: f64,
+    ) -> Result<Differentiation, Error> {
+        let known = (system.model(), system.contacts().names());
+        let parameters = parameters_of(parameters, |entry| parameter(entry, known))?;
+        let (start, _) = self.plan.steps.interval();
+        let initial = stretched(system, stretches, start, self.state.clone())?;
+        let parameters = parameters.into_iter().flatten().collect();
+        Ok(Differentiation { parameters, grazing, stretches: initial.rate.variables })
+    }
+
+    /// What watches the run.
+    pub(crate) fn monitor<D: JointDrive>(
+        &self,
+        system: &TreeInContact<'_, &Given, D>,
+    ) -> Result<Monitor<MovingTree>, Error> {
+        let initial = State::<MovingTree>::varied(system.unstretched(self.state.clone()), []);
+        Monitor::try_new(&self.plan, &initial, 0, None, None, self.failure.clone())
+    }
+}
+
+/// A tree with room for columns.
+pub(crate) type MovingTree = Varied<Augmented<Coordinates>, AugmentedRate<Rates>>;
+
 /// Motion of a tree through contacts, and its derivative by the initial state and by parameters.
 ///
 /// The variational equations are integrated beside the state, by the same method in the same steps, and jump
-/// where contacts begin and end. Joint forces that are callables are differentiated by central differences. No joint is driven.
+/// where contacts begin and end. Joint forces and accelerations that are callables are differentiated by central differences. For
+/// many parameters and one cost, `gradient_tree` is cheaper.
 ///
 /// Parameters
 /// ----------
@@ -165,12 +316,23 @@ fn parameter(value: &Bound<'_, PyAny>, names: &[String]) -> Result<Parameter, Er
 ///     Where links touch surfaces and each other.
 /// method : str or MethodInfo, optional
 ///     As of `multibody.integrate_tree`.
-/// torque : array_like, shape (n_velocities,), or callable, optional
-///     Joint forces, or ``f(t, q, v)`` that returns them; none unless given.
+/// torque : array_like, shape (n_velocities,), TorqueProfile or callable, optional
+///     Joint forces, those at knots of time, or ``f(t, q, v)`` that returns them; none unless given.
+/// active, acceleration
+///     Driven degrees of freedom and their accelerations, as of `multibody.integrate_tree`.
 /// parameters : sequence, optional
-///     What to differentiate by: ``('law.stiffness', contact)`` and the like, a constant of the law of a contact, by its name
-///     or number, or of its friction, ``('friction.coefficient', contact)``, as of `differentiate`; and ``('torque', k)``,
-///     a constant force of degree of freedom k.
+///     What to differentiate by:
+///
+///     * ``('law.stiffness', contact)`` and the like, a constant of the law of a contact, by its name or number, or of its
+///       friction, ``('friction.coefficient', contact)``, as of `differentiate`;
+///     * ``('torque', k)``, a constant force of degree of freedom k, and ``('torque', k, profile)``, its force at each of the
+///       knots of a `multibody.TorqueProfile`: as many columns, linear in time between knots or held as the profile is,
+///       whatever `torque` is;
+///     * ``('mass', body)``, with the centre of mass and the inertia about it kept; ``('center', body, direction)``, the centre
+///       of mass along a direction in the axes of the body, m; ``('inertia', body, tensor)``, a factor on a symmetric tensor that
+///       is added to the inertia about the centre of mass, kg m²;
+///     * ``('origin', body, direction)``, where the joint of a body is in its parent, along a direction in the axes of the parent,
+///       m: a length. The body moves along with its centre of mass, its contacts and all bodies that it carries.
 /// rtol, atol, max_step, first_step, max_steps
 ///     As of `multibody.integrate_tree`. Errors of derivatives are not weighed.
 /// stretches : {'loaded'} or array_like, shape (contacts, 3), optional
@@ -210,8 +372,8 @@ fn parameter(value: &Bound<'_, PyAny>, names: &[String]) -> Result<Parameter, Er
 /// (10, 2)
 #[pyfunction]
 #[pyo3(signature = (
-    model, q, v, interval, *, dt=None, contacts, method=None, torque=None, parameters=None, rtol=None, atol=None,
-    max_step=None, first_step=None, max_steps=None, stretches=None, grazing=1.5e-8, max_event_rate=1e9
+    model, q, v, interval, *, dt=None, contacts, method=None, torque=None, active=None, acceleration=None,
+    parameters=None, rtol=None, atol=None, max_step=None, first_step=None, max_steps=None, stretches=None, grazing=1.5e-8, max_event_rate=1e9
 ))]
 pub(crate) fn differentiate_tree(
     py: Python<'_>,
@@ -223,6 +385,8 @@ pub(crate) fn differentiate_tree(
     contacts: &Bound<'_, PyAny>,
     method: Option<&Bound<'_, PyAny>>,
     torque: Option<&Bound<'_, PyAny>>,
+    active: Option<&Bound<'_, PyAny>>,
+    acceleration: Option<&Bound<'_, PyAny>>,
     parameters: Option<&Bound<'_, PyAny>>,
     rtol: Option<f64>,
     atol: Option<f64>,
@@ -233,37 +397,17 @@ pub(crate) fn differentiate_tree(
     grazing: f64,
     max_event_rate: f64,
 ) -> Result<Py<TreeSensitivities>, Error> {
-    let tree = &model.get().model;
-    let default = if dt.is_some() { Method::Rkmk } else { Method::Rkmk8 };
-    let method = method.map_or(Ok(default), |m| methods::extract("method", m))?;
-    let interval = (interval[0], interval[1]);
-    let steps = StepArguments { dt, rtol, atol, max_step, first_step, max_steps }.steps(method, interval)?;
-    let q = finite_all("q", with_shape("q", &[tree.n_positions()], q)?)?;
-    let v = finite_all("v", with_shape("v", &[tree.n_velocities()], v)?)?;
-    let state = tree.state(&q, &v)?;
-    let failure = Failure::default();
-    let torque = Given::extract("torque", tree.n_velocities(), torque, &failure)?;
-    let contacts = TreeContactList::extract("contacts", contacts)?;
-    let plan = Plan {
-        method,
-        options: Options::default(),
-        steps,
-        every: u64::MAX,
-        dense: false,
-        calls_python: torque.is_callable() || contacts.calls_python(py),
-        return_interrupted: false,
-    };
-    let system = contacts.on(py, TreeSystem::new(tree, &torque), &failure)?;
-    let names = system.contacts().names();
-    let parameters = parameters_of(parameters, |entry| parameter(entry, names))?;
+    let steps = StepArguments { dt, rtol, atol, max_step, first_step, max_steps };
+    let arguments = Arguments { q, v, interval, steps, contacts, method, torque, active, acceleration };
+    let prepared = Prepared::of(py, model.get(), arguments)?;
+    let system = prepared.system(py, model.get())?;
+    let by = prepared.by(&system, parameters, stretches, grazing)?;
     let location = Location { max_event_rate, ..Location::default() };
-    let initial = stretched(&system, stretches, interval.0, state.clone())?;
-    let by = Differentiation { parameters, grazing, stretches: initial.rate.variables.clone() };
-    let initial = State::<VariedOf<TreeInContact<'_, &Given>>>::varied(initial, []);
-    let mut monitor = Monitor::try_new(&plan, &initial, 0, None, None, failure)?;
-    let outcome = monitor.supervise(py, &plan, |monitor| {
-        let run = SensitivityRun::new(&system, &by, method, steps).with_options(plan.options);
-        run.locating(location).observed_by(monitor).from(&state)
+    let mut monitor = prepared.monitor(&system)?;
+    let Prepared { plan, state, .. } = &prepared;
+    let outcome = monitor.supervise(py, plan, |monitor| {
+        let run = SensitivityRun::new(&system, &by, plan.method, plan.steps).with_options(plan.options);
+        run.locating(location).observed_by(monitor).from(state)
     })?;
     let (found, status) = outcome_of(outcome, |found| found.run.status);
     let solution = Py::new(py, TreeSensitivities::of(py, &system, &found)?)?;

@@ -303,6 +303,8 @@ impl From<SensitivityError> for Error {
         match error {
             SensitivityError::Run(reason) => reason.into(),
             SensitivityError::Grazing(_) => Self::own(Class::Sensitivity, &error),
+            SensitivityError::Tree(error) => error.into(),
+            SensitivityError::NonFinite => Self::own(Class::Evaluation, &error),
             error => Self::own(Class::Input, &error),
         }
     }

@@ -1,14 +1,15 @@
-//! Numbers of the degrees of freedom of a tree, as they are or by a callable.
+//! Numbers of the degrees of freedom of a tree, as they are, at knots of time or by a callable.
 
 use crate::core::callable::{Failure, call, callable_name};
 use crate::core::convert::{finite_all, with_shape};
 use crate::core::error::Error;
+use crate::multibody::profile::TorqueProfile;
 use numpy::PyArray1;
 use pyo3::prelude::*;
-use somersault::multibody::motion::TreeForces;
+use somersault::multibody::motion::{self, TreeForces};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// One number for each degree of freedom, given as such or by a callable ``f(t, q, v)``.
+/// One number for each degree of freedom, given as such, at knots of time or by a callable ``f(t, q, v)``.
 pub(crate) struct Given {
     source: Source,
     failure: Failure,
@@ -17,6 +18,7 @@ pub(crate) struct Given {
 
 enum Source {
     Numbers(Vec<f64>),
+    Profile(motion::TorqueProfile),
     Callable { callable: Py<PyAny>, name: String },
 }
 
@@ -29,6 +31,16 @@ impl Given {
     ) -> Result<Self, Error> {
         let source = match value {
             None => Source::Numbers(vec![0.0; n]),
+            Some(value) if let Ok(profile) = value.cast::<TorqueProfile>() => {
+                let profile = profile.get().profile.clone();
+                let found = profile.values().nrows();
+                if found != n {
+                    return Err(Error::input(format!(
+                        "`{argument}` must have {n} joint forces, found a TorqueProfile of {found}"
+                    )));
+                }
+                Source::Profile(profile)
+            }
             Some(value) if value.is_callable() => {
                 Source::Callable { callable: value.clone().unbind(), name: callable_name(value) }
             }
@@ -37,8 +49,26 @@ impl Given {
         Ok(Self { source, failure: failure.clone(), calls: AtomicU64::new(0) })
     }
 
+    /// Accelerations of driven degrees of freedom, which have no knots: steps end at those of forces.
+    pub(crate) fn accelerations(
+        n: usize,
+        value: Option<&Bound<'_, PyAny>>,
+        failure: &Failure,
+    ) -> Result<Self, Error> {
+        let found = Self::extract("acceleration", n, value, failure)?;
+        if found.has_knots() {
+            return Err(Error::input("`acceleration` must be numbers or a callable, found a TorqueProfile"));
+        }
+        Ok(found)
+    }
+
     pub(crate) fn is_callable(&self) -> bool {
         matches!(self.source, Source::Callable { .. })
+    }
+
+    /// Whether they are given at knots, at which they are not smooth.
+    pub(crate) fn has_knots(&self) -> bool {
+        matches!(self.source, Source::Profile(_))
     }
 
     /// How often the numbers were asked.
@@ -54,6 +84,9 @@ impl Given {
         };
         match &self.source {
             Source::Numbers(numbers) => all(out, numbers),
+            Source::Profile(profile) => {
+                out.iter_mut().enumerate().for_each(|(dof, out)| write(out, profile.force(dof, t)));
+            }
             Source::Callable { callable, name } => {
                 let found = call(&self.failure, vec![f64::NAN; out.len()], |py| {
                     let arguments = (t, PyArray1::from_slice(py, q), PyArray1::from_slice(py, v));
@@ -71,10 +104,24 @@ impl TreeForces for &Given {
     fn add_torque(&self, t: f64, q: &[f64], v: &[f64], torque: &mut [f64]) {
         self.apply(t, q, v, torque, |sum, x| *sum += x);
     }
-    fn potential(&self, _: &[f64]) -> Option<f64> {
+    fn depends_on_state(&self) -> bool {
+        self.is_callable()
+    }
+    fn next_stop(&self, t: f64) -> Option<f64> {
         match &self.source {
-            Source::Numbers(numbers) if numbers.iter().all(|x| *x == 0.0) => Some(0.0),
+            Source::Profile(profile) => profile.next_stop(t),
             Source::Numbers(_) | Source::Callable { .. } => None,
         }
     }
+    fn potential(&self, _: &[f64]) -> Option<f64> {
+        match &self.source {
+            Source::Numbers(numbers) if numbers.iter().all(|x| *x == 0.0) => Some(0.0),
+            Source::Numbers(_) | Source::Profile(_) | Source::Callable { .. } => None,
+        }
+    }
+}
+
+/// The accelerations of driven degrees of freedom, as what drives a tree.
+pub(crate) fn drive(accelerations: &Given) -> impl Fn(f64, &[f64], &[f64], &mut [f64]) {
+    |t, q, v, out| accelerations.apply(t, q, v, out, |out, x| *out = x)
 }

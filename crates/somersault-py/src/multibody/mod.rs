@@ -9,6 +9,7 @@ pub(crate) mod model;
 pub(crate) mod models;
 pub(crate) mod motion;
 pub(crate) mod partials;
+pub(crate) mod profile;
 pub(crate) mod robot;
 pub(crate) mod source;
 
@@ -28,6 +29,8 @@ pub(crate) mod module {
     use crate::multibody::models::Diver;
     #[pymodule_export]
     use crate::multibody::motion::{TreeDenseOutput, TreeSolution, integrate_tree};
+    #[pymodule_export]
+    use crate::multibody::profile::TorqueProfile;
     #[pymodule_export]
     use crate::multibody::robot::{Geometry, Robot};
 

@@ -10,7 +10,7 @@ use crate::integrators::methods;
 use crate::integrators::monitor::{Finish, Monitor, ProgressBar, Watch};
 use crate::integrators::plan::{self, Plan, StepArguments, start_up_of, stiff_of};
 use crate::integrators::trajectory::Report;
-use crate::multibody::given::Given;
+use crate::multibody::given::{Given, drive};
 use crate::multibody::model::Model;
 use numpy::PyArray1;
 use pyo3::exceptions::PyTypeError;
@@ -293,8 +293,8 @@ impl TreeSolution {
 /// method : str or MethodInfo, optional
 ///     A method of the table whose scope is any system, in the world's variables; ``"rkmk"`` unless given,
 ///     or ``"rkmk8"`` where steps are adapted. ``"radau5"`` is for stiff joints and contacts of light feet.
-/// torque : array_like, shape (n_velocities,), or callable, optional
-///     Joint forces, or ``f(t, q, v)`` that returns them; none unless given.
+/// torque : array_like, shape (n_velocities,), TorqueProfile or callable, optional
+///     Joint forces, those at knots of time, or ``f(t, q, v)`` that returns them; none unless given.
 /// active : sequence of str, or array_like of bool, shape (n_velocities,), optional
 ///     Bodies whose joints are active, or a flag for each degree of freedom; none unless given.
 /// acceleration : array_like, shape (n_velocities,), or callable, optional
@@ -398,7 +398,7 @@ pub(crate) fn integrate_tree<'py>(
     let split = active.map_or(Ok(Split::new(vec![false; n])), |active| model.get().split(active))?;
     let failure = Failure::default();
     let torque = Given::extract("torque", n, torque, &failure)?;
-    let acceleration = Given::extract("acceleration", n, acceleration, &failure)?;
+    let acceleration = Given::accelerations(n, acceleration, &failure)?;
     if let Some(observer) = &observer {
         check_callable("observer", "f(t, q, v)", observer)?;
     }
@@ -419,11 +419,11 @@ pub(crate) fn integrate_tree<'py>(
             || contacts.as_ref().is_some_and(|contacts| contacts.calls_python(py)),
         return_interrupted: returns_interrupted(on_interrupt)?,
     };
-    let drive = |t: f64, q: &[f64], v: &[f64], out: &mut [f64]| {
-        acceleration.apply(t, q, v, out, |out, x| *out = x);
-    };
-    let system = TreeSystem::new(tree, &torque).driven(split, drive)?;
+    let system = TreeSystem::new(tree, &torque).driven(split, drive(&acceleration))?;
     let requested = Requested { model, plan: &plan, torque: &torque, observer, progress, interval };
+    let touches = contacts.is_some();
+    // Steps end at knots where events are located.
+    let contacts = contacts.or_else(|| torque.has_knots().then(TreeContactList::default));
     let Some(contacts) = contacts else {
         let mut monitor = requested.monitor(py, &initial, &failure)?;
         let outcome =
@@ -448,7 +448,8 @@ pub(crate) fn integrate_tree<'py>(
     let Located { rejected, trials, substeps, event_count, events, .. } = located;
     requested.conclude(py, monitor.finish(py, status), rejected, |states| {
         let counts = (event_count, trials, substeps);
-        TreeTouches::of(py, &system, &contacts, states, &events, counts).map(Some)
+        let found = touches.then(|| TreeTouches::of(py, &system, &contacts, states, &events, counts));
+        found.transpose()
     })
 }
 

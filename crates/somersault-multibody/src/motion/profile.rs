@@ -1,0 +1,171 @@
+//! Joint forces given at knots of time, as controls are.
+
+use super::TreeForces;
+use crate::error::DynamicsError;
+use nalgebra::DMatrix;
+use somersault_core::argument::{expect_finite, expect_least, expect_length, expect_range};
+use std::sync::Arc;
+
+/// What a profile is between its knots.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Between {
+    /// The line through the values at both.
+    Line,
+    /// The value at the knot before.
+    Hold,
+}
+
+/// Knots of time, and what is between them; before the first and after the last the value is that there.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Knots {
+    times: Arc<[f64]>,
+    between: Between,
+}
+
+impl Knots {
+    /// Knots at increasing times, s.
+    pub fn try_new(times: &[f64], between: Between) -> Result<Self, DynamicsError> {
+        expect_least("times", times.len(), 1)?;
+        expect_finite("times", times)?;
+        for pair in times.windows(2) {
+            expect_range("times", pair[1], "increasing", |time| time > pair[0])?;
+        }
+        Ok(Self { times: times.into(), between })
+    }
+
+    /// The times, s.
+    pub fn times(&self) -> &[f64] {
+        &self.times
+    }
+
+    /// What is between them.
+    pub fn between(&self) -> Between {
+        self.between
+    }
+
+    /// The knot at or before a time, of those that have one after them, and how far the time is from it to the next, as a part of the
+    /// interval.
+    fn place(&self, t: f64) -> (usize, f64) {
+        let last = self.times.len().saturating_sub(1);
+        let knot =
+            self.times.partition_point(|time| *time <= t).saturating_sub(1).min(last.saturating_sub(1));
+        let Some(next) = self.times.get(knot + 1) else { return (0, 0.0) };
+        let part = ((t - self.times[knot]) / (next - self.times[knot])).clamp(0.0, 1.0);
+        let part = match self.between {
+            Between::Line => part,
+            Between::Hold => part.floor(),
+        };
+        (knot, part)
+    }
+
+    /// The first knot after a time.
+    pub fn after(&self, t: f64) -> Option<f64> {
+        self.times.get(self.times.partition_point(|time| *time <= t)).copied()
+    }
+
+    /// The derivative of the value at a time by that at a knot.
+    pub fn weight(&self, knot: usize, t: f64) -> f64 {
+        let (before, part) = self.place(t);
+        if knot == before {
+            1.0 - part
+        } else if knot == before + 1 {
+            part
+        } else {
+            0.0
+        }
+    }
+}
+
+/// Joint forces of a tree given at knots of time, N or N m: forces that depend on time alone, and are not smooth at the knots. Runs that
+/// locate events end a step at each of them, so that methods keep their order; so does any whose grid has them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct TorqueProfile {
+    knots: Knots,
+    /// One column for each knot.
+    values: DMatrix<f64>,
+}
+
+impl TorqueProfile {
+    /// Of values for each degree of freedom, one column for each knot.
+    pub fn try_new(knots: Knots, values: DMatrix<f64>) -> Result<Self, DynamicsError> {
+        expect_length("values", values.ncols(), knots.times().len())?;
+        expect_finite("values", &values)?;
+        Ok(Self { knots, values })
+    }
+
+    /// The knots.
+    pub fn knots(&self) -> &Knots {
+        &self.knots
+    }
+
+    /// The values, one column for each knot.
+    pub fn values(&self) -> &DMatrix<f64> {
+        &self.values
+    }
+
+    /// The force of a degree of freedom at a time; zero beyond them.
+    pub fn force(&self, dof: usize, t: f64) -> f64 {
+        let (knot, part) = self.knots.place(t);
+        let ends = [(knot, 1.0 - part), (knot + 1, part)];
+        ends.map(|(at, weight)| weight * self.values.get((dof, at)).copied().unwrap_or(0.0)).iter().sum()
+    }
+}
+
+impl TreeForces for TorqueProfile {
+    fn add_torque(&self, t: f64, _: &[f64], _: &[f64], torque: &mut [f64]) {
+        for (dof, sum) in torque.iter_mut().enumerate() {
+            *sum += self.force(dof, t);
+        }
+    }
+
+    fn depends_on_state(&self) -> bool {
+        false
+    }
+
+    fn next_stop(&self, t: f64) -> Option<f64> {
+        self.knots.after(t)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn profiles_pass_through_their_knots_and_stay_at_the_ends() {
+        let times = [0.0, 0.1, 0.4];
+        let values = DMatrix::from_row_slice(1, 3, &[1.0, 3.0, -2.0]);
+        let at = |between, t: f64| {
+            let knots = Knots::try_new(&times, between).unwrap();
+            let by_weights: f64 = (0..3).map(|knot| knots.weight(knot, t) * values[knot]).sum();
+            let mut torque = [0.5];
+            TorqueProfile::try_new(knots, values.clone()).unwrap().add_torque(t, &[], &[], &mut torque);
+            assert!((torque[0] - 0.5 - by_weights).abs() < 1e-15);
+            by_weights
+        };
+        for (t, on_line, held) in [
+            (-1.0, 1.0, 1.0),
+            (0.0, 1.0, 1.0),
+            (0.05, 2.0, 1.0),
+            (0.1_f64.next_down(), 3.0, 1.0),
+            (0.1, 3.0, 3.0),
+            (0.3, -1.0 / 3.0, 3.0),
+            (0.4, -2.0, -2.0),
+            (9.0, -2.0, -2.0),
+        ] {
+            assert!((at(Between::Line, t) - on_line).abs() < 1e-14, "{t}");
+            assert_eq!(at(Between::Hold, t), held, "{t}");
+        }
+        let single = Knots::try_new(&[0.3], Between::Line).unwrap();
+        assert!([0.0, 0.3, 1.0].iter().all(|t| single.weight(0, *t) == 1.0));
+    }
+
+    #[test]
+    fn knots_that_are_none_are_refused() {
+        for times in [&[][..], &[0.0, 0.0], &[1.0, 0.5], &[0.0, f64::NAN]] {
+            assert!(Knots::try_new(times, Between::Line).is_err(), "{times:?}");
+        }
+        let knots = Knots::try_new(&[0.0, 1.0], Between::Line).unwrap();
+        assert!(TorqueProfile::try_new(knots, DMatrix::zeros(2, 3)).is_err());
+    }
+}
