@@ -40,6 +40,14 @@ pub enum ContactError {
         /// Number of contacts.
         contacts: usize,
     },
+    /// Measured forces that do not fit the contacts.
+    #[error("`measured` must have a finite force for each of the {contacts} contacts, found {found}")]
+    MeasuredForces {
+        /// What was found.
+        found: String,
+        /// Number of contacts.
+        contacts: usize,
+    },
     /// An index of a body that is not there.
     #[error("`{argument}` must be below the number of bodies, {bodies}, found {found}")]
     NoBody {

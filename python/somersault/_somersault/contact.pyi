@@ -311,6 +311,17 @@ class TreeContacts:
     def energies(
         self, q: ArrayLike, v: ArrayLike, stretches: Literal["loaded"] | ArrayLike | None = None
     ) -> tuple[float, float, float]: ...
+    def momentum_balance(
+        self, q: ArrayLike, v: ArrayLike, stretches: Literal["loaded"] | ArrayLike | None = None
+    ) -> tuple[_Floats, _Floats]: ...
+    def inverse_dynamics(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        a: ArrayLike,
+        stretches: Literal["loaded"] | ArrayLike | None = None,
+        measured: ArrayLike | None = None,
+    ) -> _Floats: ...
     def equilibrium(
         self,
         q: ArrayLike,

@@ -217,6 +217,11 @@ impl TreeContacts {
         self.bases.get(i).copied().flatten()
     }
 
+    /// Whether contact `i` is with a surface that stands in the world.
+    pub(super) fn is_of_world(&self, i: usize) -> bool {
+        self.base(i).is_none() && matches!(self.parts().nth(i), Some(Part::Surface(..)))
+    }
+
     /// The encounter of contact `i`, and on what it acts.
     #[inline]
     pub(crate) fn meet(&self, i: usize, part: &Part<'_>, bodies: &Velocities<'_>) -> (Encounter, Hold) {

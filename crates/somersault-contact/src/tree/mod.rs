@@ -68,5 +68,5 @@ pub use equilibrium::Equilibrium;
 pub use geometry::{GeometryContacts, LeftOut, geometry_contacts, shape_contacts};
 pub(crate) use linearization::LinkLinearization;
 pub use linearization::TreeRoom;
-pub use report::Ledger;
+pub use report::{Ledger, MomentumLedger};
 pub use system::{TouchingRate, TouchingState, TouchingWorkspace, TreeInContact};

@@ -3,7 +3,10 @@
 use super::system::{TouchingState, TreeInContact};
 use crate::encounters::{ContactState, contact_states};
 use crate::error::ContactError;
-use nalgebra::DMatrix;
+use crate::laws::{ContactLaw, Encounter};
+use nalgebra::{DMatrix, Vector3};
+use somersault_integrators::force::Wrench;
+use somersault_multibody::Data;
 use somersault_multibody::motion::{JointDrive, TreeForces};
 
 /// The energy of a tree in contact, J.
@@ -26,6 +29,24 @@ impl Ledger {
     }
 }
 
+/// The momentum of a tree in contact, world frame, and what changes it.
+///
+/// Of a tree whose joints to the world are free the rate of `linear` is `weight + force`, that of `angular` is `moment`, where no other
+/// forces act on links. Other joints to the world add what they hold.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MomentumLedger {
+    /// Momentum, kg m/s.
+    pub linear: Vector3<f64>,
+    /// Angular momentum about the centre of mass, kg m²/s.
+    pub angular: Vector3<f64>,
+    /// Weight, N.
+    pub weight: Vector3<f64>,
+    /// Sum of the forces of contacts with surfaces that stand in the world, N.
+    pub force: Vector3<f64>,
+    /// Moment of these contacts about the centre of mass, N m.
+    pub moment: Vector3<f64>,
+}
+
 impl<F: TreeForces, D: JointDrive> TreeInContact<'_, F, D> {
     /// What every contact does in a state, each in the mode that the state has it in.
     pub fn touches(&self, x: &TouchingState) -> Vec<ContactState> {
@@ -41,6 +62,50 @@ impl<F: TreeForces, D: JointDrive> TreeInContact<'_, F, D> {
             Some(found) => Ok(found?.rows(0, 3).into_owned()),
             None => Ok(DMatrix::from_element(3, self.model().n_velocities(), f64::NAN)),
         }
+    }
+
+    /// The joint forces that accelerate the tree by `a` in a state, by inverse dynamics: M(q) a + C(q, v) v + g(q) − Σ Jᵢᵀ Fᵢ. Contacts
+    /// push as their laws say in the state; where `measured` has a force for each, N, world frame, they push so instead, at the points
+    /// of contact. Wrenches of the forces on links at time t act besides.
+    pub fn inverse_dynamics(
+        &self,
+        t: f64,
+        x: &TouchingState,
+        a: &[f64],
+        measured: Option<&[Vector3<f64>]>,
+    ) -> Result<Vec<f64>, ContactError> {
+        let contacts = self.contacts().len();
+        if let Some(forces) = measured
+            && (forces.len() != contacts || !forces.iter().flatten().all(|number| number.is_finite()))
+        {
+            let found = format!("{forces:?}");
+            return Err(ContactError::MeasuredForces { found, contacts });
+        }
+        let (q, stretches) = (&x.configuration.0, &x.rate.variables);
+        let mut v = vec![0.0; self.model().n_velocities()];
+        self.model().joint_velocities_at((q, &x.rate.base), &mut v)?;
+        let effort = |i: usize, law: &ContactLaw, at: &Encounter| match measured {
+            Some(forces) => Wrench { force: forces[i], torque: Vector3::zeros() },
+            None => law.effort_in(&law.mode(at, &stretches[i]), at, &stretches[i]),
+        };
+        Ok(self.forces_for(t, (q.as_slice(), &v, a), effort)?)
+    }
+
+    /// The momentum in a state, and what changes it.
+    pub fn momentum(&self, x: &TouchingState) -> Result<MomentumLedger, ContactError> {
+        let (model, q) = (self.model(), &x.configuration.0);
+        let mut v = vec![0.0; model.n_velocities()];
+        model.joint_velocities_at((q, &x.rate.base), &mut v)?;
+        let mut data = Data::new(model);
+        let centroidal = model.centroidal(&mut data, q.as_slice())?;
+        let (center, momentum) = (centroidal.center_of_mass, centroidal.momentum(&v)?);
+        let (mut force, mut moment) = (Vector3::zeros(), Vector3::zeros());
+        for state in self.touches(x).iter().filter(|state| self.contacts().is_of_world(state.contact)) {
+            force += state.force;
+            moment += (state.point - center).cross(&state.force) + state.couple;
+        }
+        let weight = model.gravity() * model.mass();
+        Ok(MomentumLedger { linear: momentum.linear, angular: momentum.angular, weight, force, moment })
     }
 
     /// The energies of a state.

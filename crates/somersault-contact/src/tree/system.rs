@@ -133,22 +133,33 @@ impl<'m, F: TreeForces, D: JointDrive> TreeInContact<'m, F, D> {
         q: &[f64],
         efforts: &[Wrench],
     ) -> Result<Vec<f64>, DynamicsError> {
-        let model = self.model();
-        let (mut data, rest) = (Data::new(model), vec![0.0; model.n_velocities()]);
-        let mut wrenches = vec![Force::zero(); model.n_bodies()];
+        let rest = vec![0.0; self.model().n_velocities()];
         let mut torque = rest.clone();
         self.tree.forces().add_torque(t, q, &rest, &mut torque);
-        let bodies = model.velocities(&mut data, q, &rest)?;
+        let needed = self.forces_for(t, (q, &rest, &rest), |i, _, _| efforts[i])?;
+        torque.iter_mut().zip(needed).for_each(|(torque, needed)| *torque -= needed);
+        Ok(torque)
+    }
+
+    /// M(q) a + C(q, v) v + g(q) − Σ Jᵀ F: the joint forces of an acceleration under efforts of the contacts and the wrenches of
+    /// the forces.
+    pub(super) fn forces_for(
+        &self,
+        t: f64,
+        (q, v, a): (&[f64], &[f64], &[f64]),
+        effort: impl FnMut(usize, &ContactLaw, &Encounter) -> Wrench,
+    ) -> Result<Vec<f64>, DynamicsError> {
+        let model = self.model();
+        let mut data = Data::new(model);
+        let mut wrenches = vec![Force::zero(); model.n_bodies()];
+        let bodies = model.velocities(&mut data, q, v)?;
         if let Some(forces) = self.tree.forces().wrenches() {
             forces.add_wrenches(t, &bodies, &mut wrenches);
         }
-        let effort = |i: usize, _: &ContactLaw, _: &Encounter| efforts[i];
         let pressing =
             Pressing { contacts: &self.contacts, effort: RefCell::new(effort), is_open: &|_| false };
         pressing.add_wrenches(t, &bodies, &mut wrenches);
-        let needed = model.inverse_dynamics(&mut data, q, &rest, &rest, &wrenches)?;
-        torque.iter_mut().zip(needed).for_each(|(torque, needed)| *torque -= needed);
-        Ok(torque)
+        Ok(model.inverse_dynamics(&mut data, q, v, a, &wrenches)?.to_vec())
     }
 
     /// The factor of the mass matrix, unless that is singular.

@@ -8,7 +8,7 @@ use somersault_contact::contacts::Contact;
 use somersault_contact::laws::ContactLaw;
 use somersault_contact::laws::compliant::CompliantLaw;
 use somersault_contact::laws::coulomb::CoulombFriction;
-use somersault_contact::models::HoppingLeg;
+use somersault_contact::models::{HoppingLeg, Ragdoll};
 use somersault_contact::surface::{HalfSpace, Solid, SphericalSurface};
 use somersault_contact::tree::{LinkContact, LinkPair, TreeInContact};
 use somersault_integrators::driver::{Adaptive, Steps};
@@ -73,6 +73,15 @@ fn forces_and_jacobians_are_those_of_the_dynamics() {
         let mass = model.mass_matrix(&mut data, &q).unwrap().clone();
         let bias = DVector::from_column_slice(model.bias(&mut data, &q, &v).unwrap());
         let acceleration = mass.clone().lu().solve(&(pushed - &bias)).unwrap();
+        // No joint force is needed for it, under the forces of the laws as under the same that are measured.
+        let measured: Vec<_> = touches.iter().map(|touch| touch.force).collect();
+        for given in [None, Some(&measured[..])] {
+            let needed = system.inverse_dynamics(0.0, &x, acceleration.as_slice(), given).unwrap();
+            let most = needed.iter().fold(0.0f64, |most, force| most.max(force.abs()));
+            assert!(most < 1e-11 * (1.0 + bias.amax()) * (1.0 + acceleration.amax()), "{case}: {most:e}");
+        }
+        let short = system.inverse_dynamics(0.0, &x, acceleration.as_slice(), Some(&measured[1..]));
+        assert!(matches!(short, Err(ContactError::MeasuredForces { .. })));
         let mut found = DVector::zeros(v.len());
         // By the derivative of the joint velocities along the rates, over a short time.
         let step = 1e-6;
@@ -90,6 +99,31 @@ fn forces_and_jacobians_are_those_of_the_dynamics() {
         assert!(error < 1e-5, "{case}: {error:e}");
     }
     assert!(touching > 30, "{touching}");
+}
+
+/// The rate of the momentum, by differences along the motion, is what weight and ground give.
+#[test]
+fn momentum_changes_by_weight_and_contacts() {
+    let scene = Ragdoll::example().unwrap().system().unwrap();
+    let system = scene.in_contact().unwrap();
+    let start = system.unstretched(scene.start().unwrap());
+    let steps = Steps::adapted((0.0, 0.6), Adaptive::with_tolerances(1e-6, 1e-8));
+    let run = Run::new(&system, Method::Rkmk8, steps).locating(Location::default());
+    let x = run.from(&start).unwrap().state;
+    assert!(system.touches(&x).iter().any(|touch| touch.force.z > 1.0));
+    let (mut w, mut out, step) = (system.workspace(), x.rate.clone(), 1e-6);
+    system.acceleration_in(&system.mode(0.0, &x), &mut w, 0.6, &x, &mut out);
+    let [before, after] = [-step, step].map(|h| {
+        let mut near = x.base();
+        let rate = near.rate.clone();
+        near.drift(&rate, h);
+        near.kick(&out.base, h);
+        system.momentum(&system.unstretched(near)).unwrap()
+    });
+    let now = system.momentum(&x).unwrap();
+    let close = |rate: Vector3<f64>, given: Vector3<f64>| (rate - given).norm() < 1e-6 * (1.0 + given.norm());
+    assert!(close((after.linear - before.linear) / (2.0 * step), now.weight + now.force));
+    assert!(close((after.angular - before.angular) / (2.0 * step), now.moment));
 }
 
 /// A leg on two feet apart, on soft ground, with a body and hips that are springs.

@@ -18,7 +18,7 @@ use pyo3::types::{PyTuple, PyType};
 use somersault::contact::encounters::ContactState;
 use somersault::contact::event::EventKind;
 use somersault::contact::laws::ContactLaw;
-use somersault::contact::tree::{self, TouchingState, TreeInContact};
+use somersault::contact::tree::{self, MomentumLedger, TouchingState, TreeInContact};
 use somersault::integrators::augmented::Augmented;
 use somersault::integrators::events::{self, Hybrid};
 use somersault::integrators::nalgebra::Vector3;
@@ -738,6 +738,104 @@ impl TreeContacts {
         self.with(py, (q, Some(v)), stretches, |system, x| {
             let ledger = system.ledger(x);
             Ok((ledger.kinetic, ledger.potential, ledger.elastic))
+        })
+    }
+
+    /// Momentum of the tree, and its rate by weight and by contacts with surfaces that stand in the world.
+    ///
+    /// Of a tree with a free base the rate is that of the motion, where no other forces act on links; other
+    /// joints to the world add what they hold.
+    ///
+    /// Parameters
+    /// ----------
+    /// q, v : array_like, shape (n_positions,) and (n_velocities,)
+    ///     Configuration and velocity.
+    /// stretches : {'loaded'} or array_like, shape (contacts, 3), optional
+    ///     Stretches of friction, m, world frame; unstretched unless given.
+    ///
+    /// Returns
+    /// -------
+    /// momentum, rate : ndarray, shape (2, 3)
+    ///     The momentum, kg m/s, above the angular momentum about the centre of mass, kg m²/s, world frame,
+    ///     and their rates, N and N m.
+    ///
+    /// Examples
+    /// --------
+    /// A leg of 6.5 kg in flight:
+    ///
+    /// >>> from somersault import contact
+    /// >>> leg = contact.hopping_leg()
+    /// >>> feet = contact.TreeContacts(leg.model, leg.contacts)
+    /// >>> momentum, rate = feet.momentum_balance((0, 0.75, 0, 0, 0), (2.0, 0, 0, 0, 0))
+    /// >>> momentum[0].round(6), rate[0].round(6)
+    /// (array([13.,  0.,  0.]), array([  0.   ,   0.   , -63.765]))
+    #[pyo3(signature = (q, v, stretches=None))]
+    fn momentum_balance<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+        stretches: Option<&Bound<'py, PyAny>>,
+    ) -> Result<(Bound<'py, PyArrayDyn<f64>>, Bound<'py, PyArrayDyn<f64>>), Error> {
+        self.with(py, (q, Some(v)), stretches, |system, x| {
+            let MomentumLedger { linear, angular, weight, force, moment } = system.momentum(x)?;
+            let rows = |first: Vector3<f64>, second: Vector3<f64>| {
+                array(py, [<[f64; 3]>::from(first), second.into()].concat(), &[2, 3])
+            };
+            Ok((rows(linear, angular)?, rows(weight + force, moment)?))
+        })
+    }
+
+    /// Joint forces that accelerate the tree by a given acceleration: M(q) a + C(q, v) v + g(q) − Σ Jᵢᵀ Fᵢ.
+    ///
+    /// The contacts push as their laws say, or with forces that were measured.
+    ///
+    /// Parameters
+    /// ----------
+    /// q, v : array_like, shape (n_positions,) and (n_velocities,)
+    ///     Configuration and velocity.
+    /// a : array_like, shape (n_velocities,)
+    ///     Rates of the velocities.
+    /// stretches : {'loaded'} or array_like, shape (contacts, 3), optional
+    ///     Stretches of friction, m, world frame; unstretched unless given.
+    /// measured : array_like, shape (contacts, 3), optional
+    ///     Forces on the links at the points of contact, on the first link of a pair, world frame, N, in place of
+    ///     those of the laws. Forces at other points are `wrenches` of `Model.inverse_dynamics`.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (n_velocities,)
+    ///     N m, and N of joints that slide. Forces in the joint of a free base are what the ground fails to give.
+    ///
+    /// Examples
+    /// --------
+    /// A leg that stands straight on 63.765 N takes nothing of its joints:
+    ///
+    /// >>> import numpy as np
+    /// >>> from somersault import contact
+    /// >>> leg = contact.hopping_leg()
+    /// >>> feet = contact.TreeContacts(leg.model, leg.contacts)
+    /// >>> pose, still = (0, 0.65, 0, 0, 0), np.zeros(5)
+    /// >>> feet.inverse_dynamics(pose, still, still, measured=[(0, 0, 6.5 * 9.81)]).round(9) + 0.0
+    /// array([0., 0., 0., 0., 0.])
+    #[pyo3(signature = (q, v, a, stretches=None, measured=None))]
+    fn inverse_dynamics<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+        a: &Bound<'py, PyAny>,
+        stretches: Option<&Bound<'py, PyAny>>,
+        measured: Option<&Bound<'py, PyAny>>,
+    ) -> Result<Bound<'py, PyArrayDyn<f64>>, Error> {
+        let n = self.model.get().model.n_velocities();
+        let a = finite_all("a", with_shape("a", &[n], a)?)?;
+        let forces = measured
+            .map(|given| finite_all("measured", with_shape("measured", &[self.names.len(), 3], given)?))
+            .transpose()?
+            .map(|numbers| numbers.chunks_exact(3).map(Vector3::from_column_slice).collect::<Vec<_>>());
+        self.with(py, (q, Some(v)), stretches, |system, x| {
+            Ok(array(py, system.inverse_dynamics(0.0, x, &a, forces.as_deref())?, &[n])?)
         })
     }
 
