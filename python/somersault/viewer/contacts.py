@@ -70,8 +70,8 @@ def touches_of(solution: Solution) -> list[Touch]:
         position = np.array([state.position for state in states])
         turns = Rotation.from_quat([state.quaternion for state in states]).as_matrix()
         for contact in contacts:
-            forces, offsets = _pressed(contact, states, position + turns @ contact.point, turns)
-            away = None if contact.radius is None else offsets
+            forces, offsets = _pressed(contact, states, position + turns @ contact.point)
+            away = offsets if _is_extended(contact) else None
             found.append(touch(body, np.asarray(contact.point), t, forces, away))
     for pair in solution.pairs or ():
         found += _touches_of_pair(pair, t, [[state[body] for body in pair.bodies] for state in each])
@@ -97,7 +97,7 @@ def touches_of_tree(solution: TreeSolution) -> list[Touch]:
     for k, contact in enumerate(solution.contacts):
         if isinstance(contact, LinkContact):
             held = [(contact.link, np.asarray(contact.contact.point), 1.0)]
-            is_round = contact.contact.radius is not None
+            is_round = _is_extended(contact.contact)
         else:
             centers = zip(contact.links, contact.centers, (1.0, -1.0), strict=True)
             held, is_round = [(link, np.asarray(center), sign) for link, center, sign in centers], True
@@ -128,23 +128,20 @@ def _touches_of_pair(pair: SpherePair, t: Array, states: Sequence[Sequence[State
     ]
 
 
-def _pressed(contact: Contact, states: Sequence[State], points: Array, turns: Array) -> tuple[Array, Array]:
+def _is_extended(contact: Contact) -> bool:
+    """Whether it touches at another point than its own."""
+    return contact.radius is not None or contact.size is not None
+
+
+def _pressed(contact: Contact, states: Sequence[State], points: Array) -> tuple[Array, Array]:
     """Normal forces, and where they act from the points of the contact on, in world axes."""
     gaps = [contact.gap(state) for state in states]
     sizes = np.array([max(0.0, contact.law.force(*gap)) if gap[0] <= 0.0 else 0.0 for gap in gaps])
-    distance = _distance(contact.surface)
-    normals = np.zeros_like(points)
-    # Those of points matter where they press, those of balls and rims always.
-    for k in range(len(points)) if contact.radius is not None else np.flatnonzero(sizes):
-        normals[k] = distance(points[k])[1]
-    offsets = np.zeros_like(points)
-    if contact.radius is not None:
-        down = -normals
-        if contact.axis is not None:
-            axes = turns @ (contact.axis / np.linalg.norm(contact.axis))
-            down += np.einsum("ni,ni->n", normals, axes)[:, None] * axes
-        long = np.linalg.norm(down, axis=1, keepdims=True)
-        offsets = contact.radius * down / np.where(long > 0.0, long, 1.0)
+    normals, offsets = np.zeros_like(points), np.zeros_like(points)
+    # Those of points matter where they press, those of balls, rims, capsules and boxes always.
+    for k in range(len(points)) if _is_extended(contact) else np.flatnonzero(sizes).tolist():
+        place, normals[k] = contact.touch(states[k])
+        offsets[k] = place - points[k]
     return sizes[:, None] * normals, offsets
 
 

@@ -178,3 +178,54 @@ fn finite(place: Vector3<f64>) -> Result<Vector3<f64>, String> {
         Err(format!("its places must be finite, found {:?}", place.as_slice()))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::UnitQuaternion;
+
+    fn some(k: usize, axis: usize) -> f64 {
+        f64::sin(37.0 * k as f64 + 5.0 * axis as f64 + 0.3 * (k * k % 97) as f64)
+    }
+
+    fn vector(k: usize) -> Vector3<f64> {
+        Vector3::from_fn(|axis, _| some(k, axis))
+    }
+
+    #[test]
+    fn a_hull_reaches_as_far_as_its_places_in_every_direction() {
+        let balls: Vec<_> = (0..300).map(|k| vector(k).normalize() * 0.3).collect();
+        let cloud: Vec<_> = (0..3000).map(|k| vector(k) * 20.0 + Vector3::x() * 500.0).collect();
+        assert_eq!(extreme(&balls).unwrap().len(), 300);
+        for places in [balls, cloud] {
+            let found = extreme(&places).unwrap();
+            assert!(found.iter().all(|vertex| places.contains(vertex)));
+            for k in 0..300 {
+                let way = vector(7 * k + 3).normalize();
+                let [hull, all] = [&found, &places]
+                    .map(|of| of.iter().map(|place| way.dot(place)).fold(f64::NEG_INFINITY, f64::max));
+                assert!(hull <= all && all - hull < 1e-7, "{k}: {hull} {all}");
+            }
+        }
+    }
+
+    /// Places on faces and edges are no vertices, also where rounding puts them outside.
+    #[test]
+    fn a_grid_on_a_box_that_is_turned_has_eight_vertices() {
+        let turn = UnitQuaternion::new(Vector3::new(0.3, -0.7, 0.4));
+        let grid = |k: usize| Vector3::new((k % 11) as f64, (k / 11 % 11) as f64, (k / 121) as f64) * 0.1;
+        let places: Vec<_> = (0..1331).map(|k| turn * grid(k) + Vector3::repeat(3.0)).collect();
+        let found = extreme(&places).unwrap();
+        let corners = [0, 10, 110, 120, 1210, 1220, 1320, 1330].map(|k| places[k]);
+        assert!(found.len() == 8 && corners.iter().all(|corner| found.contains(corner)), "{found:?}");
+        let flat: Vec<_> = places[..121].to_vec();
+        assert_eq!(extreme(&flat).unwrap_err(), "its places have no convex hull with a volume");
+    }
+
+    #[test]
+    fn hulls_with_too_many_vertices_are_refused() {
+        let places: Vec<_> = (0..6000).map(|k| vector(k).normalize()).collect();
+        assert_eq!(extreme(&places).unwrap_err(), "its convex hull has more than 512 vertices");
+        assert!(extreme(&[]).is_err() && extreme(&places[..3]).is_err());
+    }
+}

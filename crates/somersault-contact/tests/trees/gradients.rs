@@ -80,7 +80,7 @@ fn error(found: &DVector<f64>, coarse: &DVector<f64>, fine: &DVector<f64>, step:
 }
 
 /// The largest error of all columns by the initial state.
-fn error_by_state<F: TreeForces>(
+pub(crate) fn error_by_state<F: TreeForces>(
     system: &TreeInContact<'_, F>,
     start: &TreeState,
     found: &TreeSensitivities,
@@ -104,7 +104,7 @@ fn error_by_state<F: TreeForces>(
     (0..2 * n).map(of).fold(0.0, f64::max)
 }
 
-fn differentiate<F: TreeForces>(
+pub(crate) fn differentiate<F: TreeForces>(
     system: &TreeInContact<'_, F>,
     start: &TreeState,
     by: impl Into<Vec<Parameter>>,

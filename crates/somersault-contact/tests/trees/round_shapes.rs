@@ -1,5 +1,6 @@
 //! Capsules, edges and boxes on spheres and cylinders, and against each other.
 
+use crate::gradients::{differentiate, error_by_state};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use somersault_contact::contacts::Contact;
 use somersault_contact::laws::ContactLaw;
@@ -7,7 +8,7 @@ use somersault_contact::laws::compliant::CompliantLaw;
 use somersault_contact::laws::coulomb::CoulombFriction;
 use somersault_contact::surface::{CylindricalSurface, HalfSpace, Solid, SphericalSurface, Surface};
 use somersault_contact::tree::{LinkContact, LinkPair, TouchingState, TreeInContact, shape_contacts};
-use somersault_integrators::driver::{Adaptive, Steps};
+use somersault_integrators::driver::{Adaptive, Steps, TimeGrid};
 use somersault_integrators::events::Location;
 use somersault_integrators::methods::Method;
 use somersault_integrators::run::Run;
@@ -225,6 +226,38 @@ fn pairs_keep_momentum_and_energy() {
             assert!(if is_kept { lost.abs() < 1e-7 } else { lost > 1e-3 }, "{k}: {lost}");
         }
     }
+}
+
+/// A capsule falls on a ball and a log with friction, whose stretch turns with the plane of contact, and hits a capsule.
+#[test]
+fn derivatives_with_capsules_are_differences_of_runs() {
+    let model = bodies();
+    let ball = SphericalSurface::try_new(Vector3::new(0.0, 0.3, -0.6), 0.3, Solid::Inside).unwrap();
+    let axis = Vector3::new(0.1, 1.0, 0.0);
+    let log = CylindricalSurface::try_new(Vector3::new(0.0, 0.0, -0.65), axis, 0.3, Solid::Inside).unwrap();
+    let along = [Vector3::x() * -0.4, Vector3::x() * 0.4];
+    let touch = |name: &str, link: &str, surface: Arc<dyn Surface>| {
+        let contact = Contact::try_capsule(along, 0.05, surface, law(10.0)).unwrap();
+        LinkContact::new(name, link, contact)
+    };
+    let touches = vec![touch("log", "a", Arc::new(log)), touch("ball", "b", Arc::new(ball))];
+    let rod = GeometryShape::Capsule { radius: 0.05, length: 0.8 };
+    let turn = UnitQuaternion::new(Vector3::y() * std::f64::consts::FRAC_PI_2);
+    let shapes = [(&rod, (Vector3::zeros(), turn)); 2];
+    let pair = LinkPair::of_shapes("rods", ["a", "b"], shapes, law(10.0)).unwrap();
+    let system = TreeInContact::try_new(TreeSystem::new(&model, ()), touches, vec![pair]).unwrap();
+    let q = [[0.05, 0.0, -0.2, 0.0, 0.05, 0.0, 1.0], [0.1, 0.35, -0.15, 0.02, 0.0, 0.4, 1.0]].concat();
+    let v = [[0.3, 0.6, -1.5, 0.4, -0.3, 0.2], [-0.2, -0.9, -1.2, 0.3, 0.5, -0.4]].concat();
+    let mut q = q;
+    model.normalize(&mut q).unwrap();
+    let start = model.state(&q, &v).unwrap();
+    let grid = TimeGrid::try_new(0.0, 0.4, 1e-3).unwrap();
+    let found = differentiate(&system, &start, [], grid);
+    let touched: Vec<_> = found.run.events.iter().map(|event| event.guard % 3).collect();
+    assert!((0..3).all(|i| touched.contains(&i)), "{touched:?}");
+    let worst = error_by_state(&system, &start, &found, grid);
+    println!("{worst:e}, {} events", touched.len());
+    assert!(worst < 1e-6, "{worst:e}");
 }
 
 /// A plank that lies across a log does not fall through it, though no corner is near.
