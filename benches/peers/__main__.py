@@ -18,6 +18,7 @@ import control
 import expressions
 import flows
 import ftla
+import legs
 import long_run
 import multibody
 import programs
@@ -30,6 +31,7 @@ COMPARISONS = (
     long_run,
     contact,
     tree_contact,
+    legs,
     batch,
     multibody,
     expressions,

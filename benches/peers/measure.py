@@ -19,7 +19,7 @@ from typing import Any
 
 import somersault
 
-PACKAGES = ("numpy", "scipy", "numba", "heyoka", "mujoco", "pin", "casadi")
+PACKAGES = ("numpy", "scipy", "numba", "heyoka", "mujoco", "pin", "drake", "casadi")
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,8 +1,9 @@
 """A chain of two links that bounces on compliant ground for half a second, to 1e-3, 1e-6 and 1e-9.
 
 Both links hang on one hinge, which is free in a vertical plane; the hinge and both tips touch the ground,
-without friction. Contenders but MuJoCo integrate the same law, k = 2·10⁴ N/m and c = 8 N s/m that push and
-never pull. MuJoCo's contact is of its own kind: it is measured against its own answer with the finest step.
+without friction. Contenders but MuJoCo and Drake integrate the same law, k = 2·10⁴ N/m and c = 8 N s/m that
+push and never pull. The contacts of those two are of their own kind: each is measured against its own
+answer with the finest step or tolerance.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ import mujoco
 import numpy as np
 import pinocchio
 from compiled import Array
+from drake_trees import Ground, PlanarLink, planar
+from drake_trees import Scene as DrakeScene
 from measure import Contender, geometric, race
 from numba import njit
 from scipy.integrate import solve_ivp
@@ -29,6 +32,8 @@ START = np.array([0.0, 0.45, 1.1, -0.7, 0.3, 0.0, 0.5, -1.0])
 TARGETS = (1e-3, 1e-6, 1e-9)
 FINEST = 256_000
 """Steps of MuJoCo's own answer."""
+DISSIPATION = 0.1
+"""Of Drake's contact, s/m."""
 MOST_EVENTS = 100
 """Events of a run that is not lost: coarse tolerances find one event for ever."""
 
@@ -198,6 +203,38 @@ def _mujoco(integrator: str, steps: float) -> Array:
     return _mujoco_end(integrator, round(steps)) - _mujoco_answer() + _reference()
 
 
+# --------------------------------------------------------------------------------------------- Drake
+
+
+@cache
+def _drake_scene(step: float) -> DrakeScene:
+    links = [PlanarLink(MASSES[i], MOMENTS[i], CENTERS[i], 0.0) for i in range(2)]
+    points = [(0, 0.0), (0, LENGTHS[0]), (1, LENGTHS[1])]
+    (x, z, a, b), (vx, vz, wa, wb) = START[:4], START[4:]
+    start = np.array([x, z, a, b - a, vx, vz, wa, wb - wa])
+    return planar(links, points, Ground(STIFFNESS, DISSIPATION, 0.0), (), start, DURATION, step)
+
+
+def _drake_end(integrator: str, setting: float) -> Array:
+    """In equal steps for SAP, else at an accuracy."""
+    if integrator == "sap":
+        end = _drake_scene(DURATION / round(setting)).end()
+    else:
+        end = _drake_scene(0.0).end(integrator, setting)
+    x, z, a, b, vx, vz, wa, wb = end
+    return np.array([x, z, a, a + b, vx, vz, wa, wa + wb])
+
+
+@cache
+def _drake_answer() -> Array:
+    return _drake_end("runge_kutta3", 1e-13)
+
+
+def _drake(integrator: str, setting: float) -> Array:
+    """The end, moved by what its own answer differs from that of the law."""
+    return _drake_end(integrator, setting) - _drake_answer() + _reference()
+
+
 # ------------------------------------------------------------------------------------------ this library
 
 
@@ -267,6 +304,11 @@ def contenders() -> list[Contender]:
             )
             for integrator in ("Euler", "RK4", "implicitfast")
         ),
+        *(
+            Contender(f"Drake {name}", "accuracy", geometric(1e-2, last, 1), partial(_drake, integrator))
+            for integrator, name, last in (("runge_kutta3", "RK3", 1e-12), ("cenic", "CENIC", 1e-9))
+        ),
+        Contender("Drake SAP", "steps", geometric(500, 32_000, 2), partial(_drake, "sap")),
     ]
 
 
@@ -282,8 +324,9 @@ def compare(repetitions: int) -> tuple[list[dict[str, object]], str]:
         f"## A chain that bounces for {DURATION:g} s\n\n"
         "Two links, three points of contact; largest error of places, angles and rates at the end, SI units. "
         "Each at the coarsest setting from which on it meets the target, against SciPy's DOP853 with events "
-        "at 1e-15; processor time, called from Python. MuJoCo's contact is of its own kind and is measured "
-        f"against its own answer with {FINEST} steps."
+        "at 1e-15; processor time, called from Python. MuJoCo and Drake have contacts of their own kind and "
+        f"are measured against their own answers, with {FINEST} steps of RK4, and by RK3 at 1e-13. "
+        "Drake's RK3 and CENIC adapt their steps, SAP is its discrete contact."
     ]
     for target in TARGETS:
         rows, text = race(contenders(), error, target, repetitions, "error")

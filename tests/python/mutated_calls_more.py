@@ -95,6 +95,23 @@ foot = contact.LinkContact("foot", "shank", touch)
 knees = contact.LinkPair(
     "knees", ("body", "shank"), (0.02, 0.02), law, centers=[(0, 0, 0), (0, 0, 0)], friction=creep
 )
+contact.LinkPair.of_shapes(
+    "knees",
+    ("body", "shank"),
+    (("capsule", (0.02, 0.2)), ("sphere", [0.02])),
+    law,
+    positions=[(0, 0, 0), (0, 0, 0)],
+    orientations=[(0, 0, 0, 1), (0, 0, 0, 1)],
+    friction=creep,
+)
+touch.touch(state)
+dome = contact.SphericalSurface((0, 0, 0), 1.0)
+contact.Contact.capsule([(0, 0, 0), (1, 0, 0)], 0.1, dome, law, friction=creep)
+contact.Contact.box((1.0, 1.0, 0.2), dome, law, center=(0, 0, 0), orientation=(0, 0, 0, 1), friction=creep)
+belt = contact.Platform("belt", lambda t: ((t, 0, 0), (1, 0, 0), (0, 0, 0)), (0.0, 1.0))
+scene = contact.TreeOnPlatforms(leg.model, [belt])
+scene.start(leg.q, leg.v, 0.5)
+scene.acceleration(0.5, leg.q, leg.v)
 feet = contact.TreeContacts(leg.model, [foot, knees])
 feet.forces(leg.q, leg.v, np.zeros((2, 3)))
 feet.energies(leg.q, leg.v, "loaded")

@@ -2,12 +2,14 @@
 
 import pickle
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+import somersault
 from somersault import contact, errors, multibody
 
 Array = NDArray[np.float64]
@@ -98,6 +100,74 @@ def test_a_robot_touches_with_its_collision_elements() -> None:
     assert left_out == ["link `lf thigh`: it has no shape to collide with"]
     carried, _ = contact.link_contacts(dog, FLOOR, LAW, on="trunk")
     assert {touch.link for touch in carried} == {f"{leg} shank" for leg in ("lf", "rf", "lh", "rh")}
+
+
+def test_a_mesh_touches_with_the_vertices_of_its_hull(tmp_path: Path) -> None:
+    corners = [(x, y, z) for x in (0, 1) for y in (0, 2) for z in (0, 3)]
+    lines = [f"v {x} {y} {z}" for x, y, z in [*corners, (0.5, 1, 1), (0, 1, 1), (0, 0, 1)]]
+    (tmp_path / "meshes").mkdir()
+    (tmp_path / "meshes" / "a.obj").write_text("\n".join(lines))
+
+    def touches(file: str) -> tuple[list[contact.LinkContact], list[str]]:
+        mesh = f"<origin xyz='0 0 5'/><geometry><mesh filename='{file}' scale='2 1 1'/></geometry>"
+        text = f"<robot name='r'>{link('brick', 1.0, mesh)}</robot>"
+        robot = multibody.Robot.from_urdf(text, base="free")
+        return contact.link_contacts(robot, FLOOR, LAW, meshes=tmp_path)
+
+    made, left_out = touches("package://r/meshes/a.obj")
+    assert left_out == [] and [touch.name for touch in made] == [f"brick vertex {k}" for k in range(1, 9)]
+    places = sorted(tuple(touch.contact.point) for touch in made)
+    assert places == sorted((2.0 * x, float(y), 5.0 + z) for x, y, z in corners)
+    assert touches("b.obj")[1][0].endswith(f"its file `b.obj` is not in `{tmp_path}`")
+    (tmp_path / "flat.obj").write_text("\n".join(lines[:3]))
+    assert "no convex hull with a volume" in touches("flat.obj")[1][0]
+
+
+def test_capsules_and_boxes_touch_round_surfaces() -> None:
+    log, dome = (
+        contact.CylindricalSurface((0, 0, 0), (0, 1, 0), 0.3),
+        contact.SphericalSurface((0, 0, 0), 0.3),
+    )
+    turn = Rotation.from_euler("xyz", [0.3, -0.4, 0.7])
+    placed = {"position": (0.1, 0.2, 0.3), "orientation": turn}
+    (pole,) = contact.shape_contacts("pole", "capsule", (0.05, 1.0), log, LAW, **placed)
+    assert pole.contact.ends == pytest.approx(
+        np.array([0.1, 0.2, 0.3]) + np.outer([-0.5, 0.5], turn.apply([0, 0, 1.0]))
+    )
+    assert len(contact.shape_contacts("slab", "box", (1.0, 0.5, 0.1), log, LAW)) == 12
+    (slab,) = contact.shape_contacts("slab", "box", (1.0, 0.5, 0.1), dome, LAW, **placed)
+    assert slab.contact.size == pytest.approx([1.0, 0.5, 0.1])
+    assert slab.contact.orientation == pytest.approx(turn.as_matrix())
+    state = somersault.State((0.2, -0.1, 0.6), orientation=(0.1, 0.2, 0.3, 0.9))
+    for touch in (pole, slab):
+        assert pickle.loads(pickle.dumps(touch)).contact.gap(state) == pytest.approx(touch.contact.gap(state))
+    with pytest.raises(errors.InputError, match="a capsule touches spheres and cylinders from outside"):
+        contact.Contact.capsule([(0, 0, 0), (1, 0, 0)], 0.1, FLOOR, LAW)  # type: ignore[arg-type]
+    with pytest.raises(errors.InputError, match="a box touches spheres from outside"):
+        contact.Contact.box((1, 1, 1), log, LAW)  # type: ignore[arg-type]
+
+
+def test_pairs_of_capsules_and_boxes() -> None:
+    tree = multibody.Model(
+        [
+            multibody.Link("stand", "fixed", mass=1.0, inertia=(1, 1, 1)),
+            multibody.Link("a", "free", parent="stand", mass=1.0, inertia=(0.1, 0.1, 0.1)),
+            multibody.Link("b", "free", parent="stand", mass=1.0, inertia=(0.1, 0.1, 0.1)),
+        ]
+    )
+    # Along x and along y, 0.3 above each other.
+    across = (Rotation.from_euler("y", 90, degrees=True), Rotation.from_euler("x", 90, degrees=True))
+    rods = (("capsule", (0.05, 1.0)), ("capsule", (0.04, 1.0)))
+    pair = contact.LinkPair.of_shapes("rods", ("a", "b"), rods, LAW, orientations=across)
+    q = np.array([0.1, 0.2, 0.3, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 1.0])
+    for one in (pair, pickle.loads(pickle.dumps(pair))):
+        assert contact.TreeContacts(tree, one).gaps(q, np.zeros(12))[0] == pytest.approx([0.3 - 0.09])
+    ball = (("sphere", [0.1]), ("box", (2.0, 2.0, 0.2)))
+    assert contact.LinkPair.of_shapes("ball", ("a", "b"), ball, LAW).radii == (0.1, 0.0)
+    with pytest.raises(errors.InputError, match="a pair must be of a ball with"):
+        contact.LinkPair.of_shapes("boxes", ("a", "b"), (ball[1], rods[0]), LAW)
+    with pytest.raises(errors.InputError, match="`shape` must be 'box'"):
+        contact.LinkPair.of_shapes("cone", ("a", "b"), (("cone", [1.0]), ball[0]), LAW)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.15])

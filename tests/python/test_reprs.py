@@ -58,6 +58,10 @@ def run() -> somersault.Solution:
 
 
 @cache
+def still(t: float) -> tuple[tuple[float, ...], ...]:
+    return ((0.0, 0.0, 0.0),) * 3
+
+
 def touch() -> contact.Contact:
     return contact.Contact(
         (1 / 3, 2 / 3, -1 / 3), PLANE, LAW, friction=contact.CoulombFriction(0.3, 1e4, 2.0)
@@ -250,6 +254,10 @@ MADE: dict[str, Callable[[], Any]] = {
     "LinkContact": lambda: contact.LinkContact("f" * 90, "shank", touch()),
     "LinkEvent": lambda: hop().events[0],
     "LinkPair": lambda: contact.LinkPair("p" * 90, ("a", "b"), (1 / 3, 2 / 3), LAW),
+    "Platform": lambda: contact.Platform("p" * 90, still),
+    "TreeOnPlatforms": lambda: contact.TreeOnPlatforms(
+        multibody.cart_pendulum(), [contact.Platform("p" * 90, still)]
+    ),
     "TreeContactSystem": contact.hopping_leg,
     "TreeContacts": lambda: contact.TreeContacts(contact.hopping_leg().model, contact.hopping_leg().contacts),
     "Sensitivities": lambda: contact.differentiate(BODY, STATE, (0.0, 0.01), dt=1e-3, contacts=[touch()]),

@@ -417,3 +417,59 @@ def test_a_box_on_a_platform_rides_with_it() -> None:
     assert motion.q[:, 0] == pytest.approx(height * (1 - np.cos(rate * motion.t)), abs=1e-7)
     assert np.ptp(motion.q[:, 3] - motion.q[:, 0]) < 2 * height * rate**2 / (4 * 2e4) * 1.5
     assert [c.on for c in pickle.loads(pickle.dumps(motion)).contacts] == ["platform"] * 4
+
+
+def test_a_mass_on_a_table_follows_the_closed_form() -> None:
+    mass, stiffness, height, rate = 2.0, 2e3, 1e-3, 20.0
+    up = np.array([0.0, 0.0, height])
+
+    def shake(t: float) -> tuple[Array, Array, Array]:
+        s, c = np.sin(rate * t), np.cos(rate * t)
+        return up * s, up * rate * c, -up * rate**2 * s
+
+    table = contact.Platform("table", shake)
+    tree = multibody.Model([multibody.Link("mass", "prismatic", axis=(0, 0, 1), mass=mass)])
+    scene = contact.TreeOnPlatforms(tree, [table])
+    assert scene.model.names == ["stand of platforms", "mass", "table"] and sum(scene.active) == 6
+    sag = mass * 9.81 / stiffness
+    q, v = scene.start([-sag], [0.0])
+    touch = contact.Contact((0, 0, 0), FLOOR, contact.CompliantLaw(stiffness))
+    motion = multibody.integrate_tree(
+        scene.model, q, v, (0.0, 1.0), active=scene.active, acceleration=scene.acceleration,
+        contacts=contact.LinkContact("foot", "mass", touch, on="table"), rtol=1e-10, atol=1e-12,
+    )  # fmt: skip
+    own = np.sqrt(stiffness / mass)
+    swing = (
+        height * own / (own**2 - rate**2) * (own * np.sin(rate * motion.t) - rate * np.sin(own * motion.t))
+    )
+    assert motion.n_events == 0 and motion.q[:, 0] + sag == pytest.approx(swing, abs=1e-9)
+    assert motion.q[:, 3] == pytest.approx(height * np.sin(rate * motion.t), abs=1e-10)
+
+
+def test_platforms_that_are_wrong_are_refused() -> None:
+    zero = np.zeros(3)
+    tree = multibody.cart_pendulum()
+
+    def refused(motion: Any, message: str, **options: Any) -> None:
+        with pytest.raises(errors.InputError, match=message):
+            contact.Platform("table", motion, **options)
+
+    refused(3, "`motion` must be a callable")
+    refused(lambda t: zero, "`motion` must be a number|`motion` must")
+    refused(
+        lambda t: (zero, zero), "`motion` must return position, velocity and acceleration.*found 2 values"
+    )
+    refused(lambda t: ((t, 0, 0), zero, zero), "`velocity` must be the derivative of the motion")
+    refused(lambda t: (zero, zero, zero), "`interval` must be", interval=(1.0, 0.0))
+    table = contact.Platform("table", lambda t: (zero, zero, zero))
+    with pytest.raises(errors.InputError, match="a body named `table` was added before"):
+        contact.TreeOnPlatforms(tree, [table, table])
+    scene = contact.TreeOnPlatforms(tree, [table])
+    with pytest.raises(errors.InputError, match="`q`"):
+        scene.start([0.0], [0.0, 0.0])
+
+    def broken(t: float) -> Any:
+        raise RuntimeError("no motion")
+
+    with pytest.raises(RuntimeError, match="no motion"):
+        contact.Platform("table", broken)

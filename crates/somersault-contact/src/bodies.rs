@@ -3,13 +3,14 @@
 use crate::carrier::Carrier;
 use crate::contacts::{Contact, about_centre, is_free, without_stretch};
 use crate::encounters::Encounters;
-use crate::error::{ContactError, finite};
+use crate::error::{ContactError, UntouchableShape};
 use crate::event::EventKind;
 use crate::laws::{ContactLaw, ContactMode, ContactRate, Encounter, Mobility};
+use crate::shape::{Shape, nearest_of_segments};
 use crate::stretches::Touching;
-use crate::surface::SurfaceFault;
+use crate::surface::{SurfaceCore, SurfaceFault};
 use crate::sweep::BodySweep;
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
 use somersault_core::argument::expect_positive;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::IntegrateError;
@@ -21,13 +22,13 @@ use somersault_integrators::system::{
     BodyPoses, BodyRate, CountMismatch, Fault, Interaction, RigidBodiesSystem, RigidForms, RigidSystem,
     System, world_acceleration,
 };
+use somersault_multibody::geometry::GeometryShape;
 
-/// A sphere fixed on a body.
+/// A sphere fixed on a body, or a capsule or a box.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct BodySphere {
     body: usize,
-    centre: Vector3<f64>,
-    radius: f64,
+    shape: Shape,
 }
 
 impl BodySphere {
@@ -36,24 +37,58 @@ impl BodySphere {
     }
 
     pub(crate) fn centre(&self) -> &Vector3<f64> {
-        &self.centre
+        self.shape.centre()
     }
 
     pub(crate) fn radius(&self) -> f64 {
-        self.radius
+        self.shape.radius()
+    }
+
+    /// The shape.
+    pub fn shape(&self) -> &Shape {
+        &self.shape
     }
 
     /// The body's index, and centre (body frame, from the centre of mass; of a link from the origin of its frame) and
     /// radius, m.
     pub fn try_new(body: usize, centre: Vector3<f64>, radius: f64) -> Result<Self, ContactError> {
-        Ok(Self { body, centre: finite("centre", centre)?, radius: expect_positive("radius", radius)? })
+        Ok(Self { body, shape: Shape::try_ball(centre, radius)? })
+    }
+
+    /// A sphere, a capsule or a box at a place of a body: its centre and how it is turned, axes of symmetry along z.
+    pub fn of_shape(
+        body: usize,
+        shape: &GeometryShape,
+        (centre, orientation): (Vector3<f64>, UnitQuaternion<f64>),
+    ) -> Result<Self, ContactError> {
+        let shape = match shape {
+            GeometryShape::Sphere { radius } => Shape::try_ball(centre, *radius)?,
+            GeometryShape::Capsule { radius, length } => {
+                let half = orientation * (Vector3::z() * (0.5 * expect_positive("length", *length)?));
+                Shape::try_capsule([centre - half, centre + half], expect_positive("radius", *radius)?)?
+            }
+            GeometryShape::Box { size } => Shape::try_box(*size, (centre, orientation))?,
+            GeometryShape::Cylinder { .. } => return Err(UntouchableShape::Curved.into()),
+            GeometryShape::Ellipsoid { .. } => return Err(UntouchableShape::Ellipsoid.into()),
+            GeometryShape::Mesh { file, .. } => {
+                return Err(UntouchableShape::Mesh { file: file.clone() }.into());
+            }
+        };
+        Ok(Self { body, shape })
+    }
+
+    /// The same on another body.
+    pub(crate) fn on(self, body: usize) -> Self {
+        Self { body, ..self }
     }
 }
 
-/// Two spheres on two bodies that touch under some laws.
+/// Two spheres on two bodies that touch under some laws, or a sphere and a capsule or a box, or two capsules.
 ///
 /// The force acts at one point, on the line of the centres where the radii divide it, on one body as on the
-/// other, so that neither momentum nor angular momentum arises from it.
+/// other, so that neither momentum nor angular momentum arises from it. The centre of a capsule or a box is its point next to the
+/// other shape: gap, normal and arms are continuous, and their rates jump where that point goes from a face to an edge, or to the
+/// end of a segment. Two capsules that become parallel are held by points that are not determined.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SpherePair {
     spheres: [BodySphere; 2],
@@ -69,6 +104,12 @@ impl SpherePair {
     ) -> Result<Self, ContactError> {
         if first.body == second.body {
             return Err(ContactError::SameBody { body: first.body });
+        }
+        match (&first.shape, &second.shape) {
+            (Shape::Ball { .. }, Shape::Ball { .. } | Shape::Capsule { .. } | Shape::Box { .. })
+            | (Shape::Capsule { .. } | Shape::Box { .. }, Shape::Ball { .. }) => {}
+            (Shape::Capsule { radius: a, .. }, Shape::Capsule { radius: b, .. }) if a + b > 0.0 => {}
+            _ => return Err(ContactError::Pair),
         }
         Ok(Self { spheres: [first, second], law: law.into() })
     }
@@ -88,13 +129,14 @@ impl SpherePair {
         masses: [f64; 2],
     ) -> (Encounter, [Vector3<f64>; 2]) {
         let ([a, b], [on_a, on_b]) = (&self.spheres, &carriers);
-        let (arm_a, arm_b) = (on_a.turned(&a.centre), on_b.turned(&b.centre));
+        let [(arm_a, of_a), (arm_b, of_b)] = self.centres([on_a, on_b]);
         let span = (on_a.origin() - on_b.origin()) + (arm_a - arm_b);
         let distance = span.norm();
-        let total = a.radius + b.radius;
+        let (of_first, of_second) = (a.radius(), b.radius());
+        let total = of_first + of_second;
         // Spheres with one centre have no normal; zero is harmless.
         let normal = if distance > 0.0 { span / distance } else { Vector3::zeros() };
-        let arms = [arm_a - span * (a.radius / total), arm_b + span * (b.radius / total)];
+        let arms = [arm_a - span * (of_first / total), arm_b + span * (of_second / total)];
         let velocity = on_a.velocity_at(&arms[0]) - on_b.velocity_at(&arms[1]);
         let rate = normal.dot(&velocity);
         let [m_a, m_b] = masses;
@@ -106,9 +148,8 @@ impl SpherePair {
             sliding: velocity - normal * rate,
             turning: on_a.spin() - on_b.spin(),
             tilting: if self.law.friction().has_stretch() && distance > 0.0 {
-                let of_centres = on_a.velocity_at(&arm_a) - on_b.velocity_at(&arm_b);
                 let spin = 0.5 * normal.dot(&(on_a.spin() + on_b.spin()));
-                normal.cross(&of_centres) / distance + normal * spin
+                normal.cross(&(of_a - of_b)) / distance + normal * spin
             } else {
                 Vector3::zeros()
             },
@@ -275,10 +316,46 @@ impl SpherePair {
         &self.spheres
     }
 
+    /// Whether both are spheres.
+    pub(crate) fn is_of_balls(&self) -> bool {
+        self.spheres.iter().all(|sphere| !sphere.shape.is_extended())
+    }
+
+    /// The arms of the centres of two spheres and their velocities; of a capsule or a box those of its point next to the other
+    /// shape.
+    fn centres<C: Carrier>(&self, carriers: [&C; 2]) -> [(Vector3<f64>, Vector3<f64>); 2] {
+        let [a, b] = self.spheres.each_ref().map(|sphere| &sphere.shape);
+        let [on_a, on_b] = carriers;
+        let centre = |shape: &Shape, on: &C| {
+            let arm = on.turned(shape.centre());
+            (arm, on.velocity_at(&arm))
+        };
+        let next_to = |(arm, velocity): &(Vector3<f64>, Vector3<f64>), on: &C| {
+            (SurfaceCore::Point(on.origin() + arm), *velocity)
+        };
+        match (a, b) {
+            (
+                Shape::Capsule { centre: centre_a, half: half_a, .. },
+                Shape::Capsule { centre: centre_b, half: half_b, .. },
+            ) => nearest_of_segments([(centre_a, half_a), (centre_b, half_b)], carriers),
+            (Shape::Capsule { .. } | Shape::Box { .. }, _) => {
+                let of_b = centre(b, on_b);
+                let (core, velocity) = next_to(&of_b, on_b);
+                [a.nearest_moving((&core, &velocity), on_a), of_b]
+            }
+            (_, Shape::Capsule { .. } | Shape::Box { .. }) => {
+                let of_a = centre(a, on_a);
+                let (core, velocity) = next_to(&of_a, on_a);
+                [of_a, b.nearest_moving((&core, &velocity), on_b)]
+            }
+            _ => [centre(a, on_a), centre(b, on_b)],
+        }
+    }
+
     /// How far the gap may move where the bodies move so.
     fn sweep(&self, sweep: &impl Fn(usize) -> BodySweep) -> Sweep {
         let [a, b] = &self.spheres;
-        BodySweep::between_spheres([&sweep(a.body), &sweep(b.body)], [a.centre.norm(), b.centre.norm()])
+        BodySweep::of_pair([&sweep(a.body), &sweep(b.body)], [&a.shape, &b.shape])
     }
 
     /// Whether the spheres have a normal.

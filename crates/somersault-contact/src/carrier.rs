@@ -1,7 +1,9 @@
 //! What carries the shape of a contact: a body by its centre of mass, or a link by the origin of its frame.
 
 use nalgebra::{Matrix3, Vector3};
+use somersault_core::lie::so3;
 use somersault_integrators::state::{Pose, RigidBodyState, Twist};
+use somersault_integrators::variation::Tangent;
 
 /// How a frame stands and moves in the world.
 pub(crate) trait Carrier {
@@ -69,6 +71,29 @@ pub(crate) struct Frame {
 }
 
 impl Frame {
+    /// That of a carrier.
+    pub(crate) fn of(x: &impl Carrier) -> Self {
+        let columns = [Vector3::x(), Vector3::y(), Vector3::z()].map(|axis| x.turned(&axis));
+        Self {
+            origin: *x.origin(),
+            rotation: Matrix3::from_columns(&columns),
+            velocity: *x.speed(),
+            angular_velocity: *x.spin(),
+        }
+    }
+
+    /// As it stands and moves farther along a tangent.
+    pub(crate) fn moved(&self, tangent: &Tangent<Twist>, way: f64) -> Self {
+        let Tangent { displacement, rate } = tangent;
+        Self {
+            origin: self.origin + displacement.linear * way,
+            rotation: so3::exp(&(displacement.angular * way)).to_rotation_matrix().into_inner()
+                * self.rotation,
+            velocity: self.velocity + rate.linear * way,
+            angular_velocity: self.angular_velocity + rate.angular * way,
+        }
+    }
+
     /// As it stands and moves in the axes of another frame.
     #[inline]
     pub(crate) fn seen_from(&self, other: &Self) -> Self {

@@ -2,17 +2,17 @@
 
 use crate::carrier::Carrier;
 use crate::encounters::Encounters;
-use crate::error::{ContactError, direction, finite};
+use crate::error::{ContactError, UntouchableShape, direction, finite};
 use crate::event::EventKind;
 use crate::laws::{ContactLaw, ContactMode, ContactRate, Encounter, Mobility};
 use crate::shape::{Place, Shape};
 use crate::stretches::Touching;
 #[cfg(doc)]
 use crate::stretches::WithStretches;
-use crate::surface::{self, HalfSpace, Surface, SurfaceFault, check_slope};
+use crate::surface::{self, HalfSpace, Surface, SurfaceCore, SurfaceFault, check_slope};
 use crate::sweep::{BodySweep, PointSweep};
 use crate::touch::{Motion, Touch};
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
 use somersault_core::argument::expect_positive;
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::IntegrateError;
@@ -35,13 +35,15 @@ pub struct Contact {
     surface: Arc<dyn Surface>,
     /// The surface itself where it is a half-space, the most common one.
     plane: Option<HalfSpace>,
+    /// What a capsule or a box is next to.
+    core: Option<SurfaceCore>,
     law: ContactLaw,
 }
 
 impl Contact {
     fn new(shape: Shape, surface: Arc<dyn Surface>, law: ContactLaw) -> Self {
-        let plane = surface.as_half_space().copied();
-        Self { shape, surface, plane, law }
+        let (plane, core) = (surface.as_half_space().copied(), surface.core());
+        Self { shape, surface, plane, core, law }
     }
 
     /// A point of the body, a surface and a law.
@@ -60,9 +62,41 @@ impl Contact {
         surface: Arc<dyn Surface>,
         law: impl Into<ContactLaw>,
     ) -> Result<Self, ContactError> {
-        let shape =
-            Shape::Ball { centre: finite("centre", centre)?, radius: expect_positive("radius", radius)? };
-        Ok(Self::new(shape, surface, law.into()))
+        Ok(Self::new(Shape::try_ball(centre, radius)?, surface, law.into()))
+    }
+
+    /// A capsule, by the ends of its segment and its radius, against a sphere or a cylinder that is seen from outside, or another
+    /// surface with a [core](Surface::core). With the radius zero it is an edge.
+    ///
+    /// Against planes, and from inside, the balls at its ends are all that touches.
+    pub fn try_capsule(
+        ends: [Vector3<f64>; 2],
+        radius: f64,
+        surface: Arc<dyn Surface>,
+        law: impl Into<ContactLaw>,
+    ) -> Result<Self, ContactError> {
+        let shape = Shape::try_capsule(ends, radius)?;
+        match surface.core() {
+            Some(_) => Ok(Self::new(shape, surface, law.into())),
+            None => Err(UntouchableShape::CapsuleWithoutCore.into()),
+        }
+    }
+
+    /// A box, by the lengths of its edges, its centre and how it is turned in the body, against a sphere that is seen from
+    /// outside.
+    ///
+    /// Against planes, and from inside, its corners are all that touches.
+    pub fn try_box(
+        size: Vector3<f64>,
+        place: (Vector3<f64>, UnitQuaternion<f64>),
+        surface: Arc<dyn Surface>,
+        law: impl Into<ContactLaw>,
+    ) -> Result<Self, ContactError> {
+        let shape = Shape::try_box(size, place)?;
+        match surface.core() {
+            Some(SurfaceCore::Point(_)) => Ok(Self::new(shape, surface, law.into())),
+            Some(SurfaceCore::Line(..)) | None => Err(UntouchableShape::BoxWithoutCentre.into()),
+        }
     }
 
     /// The rim of a disk of some centre, axis (of any length but zero) and radius, against a plane.
@@ -88,7 +122,7 @@ impl Contact {
         &self.surface
     }
 
-    /// The same against another surface, which for a rim must be a plane.
+    /// The same against another surface, which for a rim must be a plane, and have a core for a capsule or a box.
     #[must_use]
     pub fn against(self, surface: Arc<dyn Surface>) -> Self {
         Self::new(self.shape, surface, self.law)
@@ -102,7 +136,7 @@ impl Contact {
     #[inline(always)]
     fn place<C: Carrier>(&self, x: &C) -> Place {
         match &self.plane {
-            Some(plane) => self.shape.place(|point| plane.signed_distance(point), x),
+            Some(plane) => self.shape.place(None, |point| plane.signed_distance(point), x),
             None => self.place_on_surface(x),
         }
     }
@@ -117,7 +151,18 @@ impl Contact {
             }
             at
         };
-        self.shape.place(distance, x)
+        self.shape.place(self.core.as_ref(), distance, x)
+    }
+
+    /// The arm of the point whose distance the gap follows, and its velocity.
+    fn followed<C: Carrier>(&self, x: &C) -> (Vector3<f64>, Vector3<f64>) {
+        match &self.core {
+            Some(core) => self.shape.nearest_moving((core, &Vector3::zeros()), x),
+            None => {
+                let arm = x.turned(self.shape.centre());
+                (arm, x.velocity_at(&arm))
+            }
+        }
     }
 
     /// Whether the surface is fit to be touched in a state of the body.
@@ -127,7 +172,7 @@ impl Contact {
 
     /// The same of any carrier.
     pub(crate) fn examine_on<C: Carrier>(&self, x: &C) -> Result<(), SurfaceFault> {
-        surface::examine(self.surface.as_ref(), &(x.origin() + x.turned(self.shape.centre())))
+        surface::examine(self.surface.as_ref(), &(x.origin() + self.followed(x).0))
     }
 
     /// How far the gap may move where the body moves so.
@@ -192,8 +237,7 @@ impl Contact {
         if self.plane.is_some() || !self.law.friction().has_stretch() {
             return Vector3::zeros();
         }
-        let arm = x.turned(self.shape.centre());
-        let velocity = x.velocity_at(&arm);
+        let (arm, velocity) = self.followed(x);
         normal.cross(&(self.surface.hessian(&(x.origin() + arm)) * velocity))
     }
 
@@ -372,7 +416,7 @@ impl ForceModel for Contacts {
             Shape::Point(point) => point == Vector3::zeros() && contact.law.resistance().is_none(),
             // the normal force of a ball acts through its centre
             Shape::Ball { centre, .. } => centre == Vector3::zeros() && contact.law.is_only_normal(),
-            Shape::Rim { .. } => false,
+            Shape::Rim { .. } | Shape::Capsule { .. } | Shape::Box { .. } => false,
         })
     }
     fn depends_on_velocity(&self) -> bool {

@@ -64,6 +64,11 @@ pub enum ContactError {
         /// The body.
         body: usize,
     },
+    /// Two shapes whose distance is not smooth.
+    #[error(
+        "a pair must be of a ball with a ball, capsule or box, or of two capsules, one of them with a radius"
+    )]
+    Pair,
     /// The name of a link that is not there.
     #[error("`{argument}` must be the name of a body of the model, found `{found}`")]
     NoLink {
@@ -98,6 +103,29 @@ pub enum ContactError {
     /// The tree has no dynamics there.
     #[error(transparent)]
     Dynamics(#[from] DynamicsError),
+    /// The tree cannot be joined with what moves beside it.
+    #[error(transparent)]
+    Model(#[from] somersault_multibody::ModelError),
+    /// An interval without length.
+    #[error("`interval` must be two finite times, the first before the second, found {found:?}")]
+    Interval {
+        /// The times given.
+        found: [f64; 2],
+    },
+    /// A velocity or acceleration that is not that of its motion.
+    #[error(
+        "`{argument}` must be the derivative of the motion, found {found:?} at t = {t}, where differences give {differences:?}"
+    )]
+    NoDerivative {
+        /// Name of the argument.
+        argument: &'static str,
+        /// When, s.
+        t: f64,
+        /// As it is given.
+        found: [f64; 3],
+        /// As the motion has it.
+        differences: [f64; 3],
+    },
     /// A vector that is not finite.
     #[error("`{argument}` must be finite, found {found:?}")]
     NonFinite {
@@ -128,12 +156,36 @@ pub enum UntouchableShape {
         /// The file.
         file: String,
     },
+    /// The file of a mesh is not where it was sought.
+    #[error("a mesh has no contacts, since its file `{file}` is not in `{folder}`")]
+    NoFile {
+        /// The file.
+        file: String,
+        /// Where it was sought.
+        folder: String,
+    },
+    /// The file of a mesh says nothing that touches.
+    #[error("the mesh `{file}` has no contacts: {reason}")]
+    Unreadable {
+        /// The file.
+        file: String,
+        /// Why.
+        reason: String,
+    },
     /// No shape of contact is an ellipsoid.
     #[error("an ellipsoid has no contacts; a box, capsule, cylinder or sphere has")]
     Ellipsoid,
     /// The rims of a cylinder touch planes.
     #[error("the rims of a cylinder touch half-spaces only; a box, capsule or sphere touches any surface")]
     Curved,
+    /// The middle of a capsule or an edge touches what is round from outside.
+    #[error(
+        "a capsule touches spheres and cylinders from outside, with its middle; against another surface take the balls at its ends"
+    )]
+    CapsuleWithoutCore,
+    /// The faces of a box touch spheres.
+    #[error("a box touches spheres from outside; against another surface take its corners or edges")]
+    BoxWithoutCentre,
     /// A shape that is fixed in the world.
     #[error("it is fixed in the world, which does not move against the surface")]
     World,

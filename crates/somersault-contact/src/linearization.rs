@@ -15,8 +15,11 @@
 //! | point | n · δC | δφ × R c |
 //! | ball | n · δC | δφ × R c − ρ δn |
 //! | rim | n · δC − ρ δ‖d‖ | δφ × R c + ρ δ(d/‖d‖) |
+//!
+//! The point of a capsule or a box that is next to a surface moves in the shape: their encounters are differentiated by central
+//! differences.
 
-use crate::carrier::Carrier;
+use crate::carrier::{Carrier, Frame};
 use crate::contacts::Contact;
 use crate::laws::Encounter;
 use crate::shape::Shape;
@@ -37,6 +40,8 @@ pub(crate) struct Linearization {
     angular_velocity: Vector3<f64>,
     /// Place and velocity of the centre, where the plane of contact turns.
     bending: Option<(Vector3<f64>, Vector3<f64>)>,
+    /// The carrier and its mass, of a shape in which the point that touches moves.
+    extended: Option<(Frame, f64)>,
 }
 
 /// Derivative of the Hessian along a way, by a central difference.
@@ -48,6 +53,16 @@ fn hessian_change(contact: &Contact, place: &Vector3<f64>, way: &Vector3<f64>) -
     let step = f64::EPSILON.cbrt() * place.amax().max(1.0) / length;
     let [after, before] = [step, -step].map(|step| contact.surface().hessian(&(place + way * step)));
     (after - before) * (0.5 / step)
+}
+
+/// The step of central differences along tangents, by which nothing moves farther than 6e-6 in SI units; 1 where they are zero.
+pub(crate) fn step_along<const N: usize>(tangents: [&Tangent<Twist>; N]) -> f64 {
+    let size = tangents.iter().fold(0.0_f64, |size, Tangent { displacement, rate }| {
+        [displacement.linear, displacement.angular, rate.linear, rate.angular]
+            .iter()
+            .fold(size, |size, vector| size.max(vector.norm()))
+    });
+    if size > 0.0 { f64::EPSILON.cbrt() / size } else { 1.0 }
 }
 
 /// Derivative of an encounter, and of the lever arm.
@@ -64,7 +79,13 @@ impl Linearization {
         let centre = x.turned(contact.shape().centre());
         let axis = match contact.shape() {
             Shape::Rim { axis, .. } => x.turned(axis.as_ref()),
-            Shape::Point(_) | Shape::Ball { .. } => Vector3::zeros(),
+            Shape::Point(_) | Shape::Ball { .. } | Shape::Capsule { .. } | Shape::Box { .. } => {
+                Vector3::zeros()
+            }
+        };
+        let extended = match contact.shape() {
+            Shape::Point(_) | Shape::Ball { .. } | Shape::Rim { .. } => None,
+            Shape::Capsule { .. } | Shape::Box { .. } => Some((Frame::of(x), mass)),
         };
         let bends = contact.law().friction().has_stretch() && contact.surface().as_half_space().is_none();
         let place = x.origin() + centre;
@@ -77,12 +98,20 @@ impl Linearization {
             hessian: contact.surface().hessian(&place),
             velocity: x.velocity_at(&arm),
             angular_velocity: *x.spin(),
+            extended,
         }
     }
 
     /// The derivative along a tangent.
     #[inline]
     pub(crate) fn along(&self, contact: &Contact, tangent: &Tangent<Twist>) -> Change {
+        if let Some((frame, mass)) = &self.extended {
+            let step = step_along([tangent]);
+            let [after, before] = [step, -step].map(|way| contact.meet_on(*mass, &frame.moved(tangent, way)));
+            let factor = 0.5 / step;
+            let at = after.0.change_from(&before.0, factor);
+            return Change { at, arm: (after.1 - before.1) * factor };
+        }
         let (turn, rate) = (&tangent.displacement.angular, &tangent.rate);
         let normal = &self.at.normal;
         let centre_change = turn.cross(&self.centre);
@@ -91,6 +120,7 @@ impl Linearization {
         let (gap, arm) = match contact.shape() {
             Shape::Point(_) => (normal.dot(&way), centre_change),
             Shape::Ball { radius, .. } => (normal.dot(&way), centre_change - normal_change * *radius),
+            Shape::Capsule { .. } | Shape::Box { .. } => (f64::NAN, Vector3::repeat(f64::NAN)),
             Shape::Rim { radius, .. } => {
                 let axis_change = turn.cross(&self.axis);
                 let slant = self.axis.dot(normal);

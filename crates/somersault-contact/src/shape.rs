@@ -1,8 +1,10 @@
-//! What of a body touches a surface: a point, a ball, or the rim of a disk.
+//! What of a body touches a surface: a point, a ball, the rim of a disk, a capsule or a box.
 
 use crate::carrier::Carrier;
-use crate::surface::SignedDistance;
-use nalgebra::{Unit, Vector3};
+use crate::error::{ContactError, finite};
+use crate::surface::{SignedDistance, SurfaceCore};
+use nalgebra::{Matrix3, Unit, UnitQuaternion, Vector3};
+use somersault_core::argument::{expect_not_negative, expect_positive};
 
 /// The part of a body or a link that touches; in its frame, from the centre of mass or the origin of the link, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,6 +27,27 @@ pub enum Shape {
         /// Radius.
         radius: f64,
     },
+    /// All points within a radius of a segment, against a sphere or a cylinder seen from outside. It touches at the point of the
+    /// segment next to the centre or axis of the surface, which is not defined where the segment is parallel to that axis. The gap has
+    /// a jump in its second derivative where that point comes to an end of the segment.
+    Capsule {
+        /// Centre.
+        centre: Vector3<f64>,
+        /// From the centre to an end of the segment.
+        half: Vector3<f64>,
+        /// Radius; zero of an edge.
+        radius: f64,
+    },
+    /// A box, against a sphere seen from outside. It touches at its point next to the centre of the sphere, which must not be inside.
+    /// The gap has a jump in its second derivative where that point goes from a face to an edge or a corner.
+    Box {
+        /// Centre.
+        centre: Vector3<f64>,
+        /// Its axes, as columns.
+        axes: Matrix3<f64>,
+        /// Half the lengths of its edges.
+        half: Vector3<f64>,
+    },
 }
 
 /// Gap, lever arm of the contact from the origin of its carrier and normal, world frame.
@@ -35,10 +58,47 @@ pub(crate) struct Place {
 }
 
 impl Shape {
+    /// A ball.
+    pub(crate) fn try_ball(centre: Vector3<f64>, radius: f64) -> Result<Self, ContactError> {
+        Ok(Self::Ball { centre: finite("centre", centre)?, radius: expect_positive("radius", radius)? })
+    }
+
+    /// A capsule, by the ends of its segment; without a radius an edge.
+    pub(crate) fn try_capsule(ends: [Vector3<f64>; 2], radius: f64) -> Result<Self, ContactError> {
+        let [a, b] = [finite("ends", ends[0])?, finite("ends", ends[1])?];
+        let half = (b - a) * 0.5;
+        expect_positive("length", 2.0 * half.norm())?;
+        Ok(Self::Capsule { centre: a + half, half, radius: expect_not_negative("radius", radius)? })
+    }
+
+    /// A box, by the lengths of its edges and its place.
+    pub(crate) fn try_box(
+        size: Vector3<f64>,
+        (centre, orientation): (Vector3<f64>, UnitQuaternion<f64>),
+    ) -> Result<Self, ContactError> {
+        for edge in &size {
+            expect_positive("size", *edge)?;
+        }
+        let axes = orientation.to_rotation_matrix().into_inner();
+        Ok(Self::Box { centre: finite("centre", centre)?, axes, half: size * 0.5 })
+    }
+
     /// The point, or the centre.
     pub fn centre(&self) -> &Vector3<f64> {
         match self {
-            Self::Point(centre) | Self::Ball { centre, .. } | Self::Rim { centre, .. } => centre,
+            Self::Point(centre)
+            | Self::Ball { centre, .. }
+            | Self::Rim { centre, .. }
+            | Self::Capsule { centre, .. }
+            | Self::Box { centre, .. } => centre,
+        }
+    }
+
+    /// The radius of a ball, a rim or a capsule; zero of a point and a box.
+    pub fn radius(&self) -> f64 {
+        match self {
+            Self::Ball { radius, .. } | Self::Rim { radius, .. } | Self::Capsule { radius, .. } => *radius,
+            Self::Point(_) | Self::Box { .. } => 0.0,
         }
     }
 
@@ -48,21 +108,92 @@ impl Shape {
         match self {
             Self::Point(centre) | Self::Ball { centre, .. } => centre.norm(),
             Self::Rim { centre, radius, .. } => centre.norm() + radius,
+            Self::Capsule { centre, half, .. } | Self::Box { centre, half, .. } => {
+                centre.norm() + half.norm()
+            }
+        }
+    }
+
+    /// Whether the point that the gap follows moves in the shape.
+    #[inline]
+    pub(crate) fn is_extended(&self) -> bool {
+        match self {
+            Self::Point(_) | Self::Ball { .. } => false,
+            Self::Rim { .. } | Self::Capsule { .. } | Self::Box { .. } => true,
+        }
+    }
+
+    /// The arm of the point of a capsule or a box next to a core, of the centre of another shape.
+    #[inline]
+    pub(crate) fn nearest(&self, core: &SurfaceCore, x: &impl Carrier) -> Vector3<f64> {
+        self.nearest_moving((core, &Vector3::zeros()), x).0
+    }
+
+    /// The same with the velocity of that point, for a core that moves; NaN of a box next to a line.
+    pub(crate) fn nearest_moving(
+        &self,
+        (core, core_velocity): (&SurfaceCore, &Vector3<f64>),
+        x: &impl Carrier,
+    ) -> (Vector3<f64>, Vector3<f64>) {
+        let centre = x.turned(self.centre());
+        match (self, core) {
+            (Self::Point(_) | Self::Ball { .. } | Self::Rim { .. }, _) => (centre, x.velocity_at(&centre)),
+            (Self::Capsule { half, .. }, _) => {
+                let half = x.turned(half);
+                let (way, across) = (core.way_to(&(x.origin() + centre)), core.across(&half));
+                let square = across.norm_squared();
+                let free = if square > 0.0 { -across.dot(&way) / square } else { 0.0 };
+                let place = free.clamp(-1.0, 1.0);
+                let arm = centre + half * place;
+                let velocity = x.velocity_at(&arm);
+                if free != place || square == 0.0 {
+                    return (arm, velocity);
+                }
+                // From way · across = 0 at the point.
+                let way = way + across * place;
+                let change =
+                    across.dot(&(velocity - core_velocity)) + way.dot(&core.across(&x.spin().cross(&half)));
+                (arm, velocity - half * (change / square))
+            }
+            (Self::Box { axes, half, .. }, SurfaceCore::Point(at)) => {
+                let span = at - x.origin() - centre;
+                let away = core_velocity - x.velocity_at(&centre);
+                let (mut arm, mut slip) = (centre, Vector3::zeros());
+                for (axis, half) in axes.column_iter().zip(half) {
+                    let axis = x.turned(&axis.into_owned());
+                    let (free, rate) = (axis.dot(&span), axis.dot(&away) + x.spin().cross(&axis).dot(&span));
+                    let place = free.clamp(-half, *half);
+                    arm += axis * place;
+                    if free == place {
+                        slip += axis * rate;
+                    }
+                }
+                (arm, x.velocity_at(&arm) + slip)
+            }
+            (Self::Box { .. }, SurfaceCore::Line(..)) => {
+                (Vector3::repeat(f64::NAN), Vector3::repeat(f64::NAN))
+            }
         }
     }
 
     #[inline(always)]
     pub(crate) fn place(
         &self,
+        core: Option<&SurfaceCore>,
         distance: impl Fn(&Vector3<f64>) -> SignedDistance,
         x: &impl Carrier,
     ) -> Place {
-        let arm = x.turned(self.centre());
+        let arm = match self {
+            Self::Point(centre) | Self::Ball { centre, .. } | Self::Rim { centre, .. } => x.turned(centre),
+            Self::Capsule { .. } | Self::Box { .. } => {
+                core.map_or_else(|| Vector3::repeat(f64::NAN), |core| self.nearest(core, x))
+            }
+        };
         let at = distance(&(x.origin() + arm));
         let normal = at.gradient;
         match self {
-            Self::Point(_) => Place { gap: at.distance, arm, normal },
-            Self::Ball { radius, .. } => {
+            Self::Point(_) | Self::Box { .. } => Place { gap: at.distance, arm, normal },
+            Self::Ball { radius, .. } | Self::Capsule { radius, .. } => {
                 Place { gap: at.distance - radius, arm: arm - normal * *radius, normal }
             }
             Self::Rim { axis, radius, .. } => {
@@ -75,4 +206,41 @@ impl Shape {
             }
         }
     }
+}
+
+/// The arms of the points of two capsules that are next to each other, and their velocities.
+pub(crate) fn nearest_of_segments<C: Carrier>(
+    halves: [(&Vector3<f64>, &Vector3<f64>); 2],
+    carriers: [&C; 2],
+) -> [(Vector3<f64>, Vector3<f64>); 2] {
+    let [(centre_a, a), (centre_b, b)] =
+        [0, 1].map(|i| (carriers[i].turned(halves[i].0), carriers[i].turned(halves[i].1)));
+    let [x, y] = carriers;
+    let span = (x.origin() - y.origin()) + (centre_a - centre_b);
+    let (aa, ab, bb) = (a.norm_squared(), a.dot(&b), b.norm_squared());
+    let (of_a, of_b) = (a.dot(&span), b.dot(&span));
+    let determinant = aa * bb - ab * ab;
+    // Parallel segments have no two points next to each other; the middle of the first is as good as another.
+    let first =
+        if determinant > f64::EPSILON * aa * bb { (ab * of_b - of_a * bb) / determinant } else { 0.0 };
+    let mut s = first.clamp(-1.0, 1.0);
+    let second = (ab * s + of_b) / bb;
+    let t = second.clamp(-1.0, 1.0);
+    if t != second {
+        s = ((ab * t - of_a) / aa).clamp(-1.0, 1.0);
+    }
+    let (arm_a, arm_b) = (centre_a + a * s, centre_b + b * t);
+    let (velocity_a, velocity_b) = (x.velocity_at(&arm_a), y.velocity_at(&arm_b));
+    let (between, relative) = (span + a * s - b * t, velocity_a - velocity_b);
+    let change_a = relative.dot(&a) + between.dot(&x.spin().cross(&a));
+    let change_b = relative.dot(&b) + between.dot(&y.spin().cross(&b));
+    let (rate_a, rate_b) = match (s.abs() < 1.0, t.abs() < 1.0) {
+        (true, true) if determinant > f64::EPSILON * aa * bb => {
+            ((ab * change_b - bb * change_a) / determinant, (aa * change_b - ab * change_a) / determinant)
+        }
+        (true, _) => (-change_a / aa, 0.0),
+        (false, true) => (0.0, change_b / bb),
+        (false, false) => (0.0, 0.0),
+    };
+    [(arm_a, velocity_a + a * rate_a), (arm_b, velocity_b + b * rate_b)]
 }

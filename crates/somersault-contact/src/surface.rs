@@ -154,6 +154,12 @@ pub trait Surface: std::fmt::Debug + Send + Sync {
         f64::INFINITY
     }
 
+    /// The point or line that the surface keeps a constant distance from, where it is seen from outside: the centre of a sphere, the
+    /// axis of a cylinder; none, as by default, where there is none. Capsules and boxes touch with their point next to it.
+    fn core(&self) -> Option<SurfaceCore> {
+        None
+    }
+
     /// The half-space, where the surface is one; contacts ask it without a call through the object.
     fn as_half_space(&self) -> Option<&HalfSpace> {
         None
@@ -173,6 +179,34 @@ pub trait Surface: std::fmt::Debug + Send + Sync {
         });
         let matrix = Matrix3::from_columns(&columns);
         (matrix + matrix.transpose()) * 0.5
+    }
+}
+
+/// What a sphere or a cylinder keeps a constant distance from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum SurfaceCore {
+    /// A point, m.
+    Point(Vector3<f64>),
+    /// A point of a line, m, and its direction.
+    Line(Vector3<f64>, Unit<Vector3<f64>>),
+}
+
+impl SurfaceCore {
+    /// The way from the core to a point, across a line.
+    #[inline]
+    pub(crate) fn way_to(&self, point: &Vector3<f64>) -> Vector3<f64> {
+        match self {
+            Self::Point(at) | Self::Line(at, _) => self.across(&(point - at)),
+        }
+    }
+
+    /// The part of a vector across a line; all of it for a point.
+    #[inline]
+    pub(crate) fn across(&self, vector: &Vector3<f64>) -> Vector3<f64> {
+        match self {
+            Self::Point(_) => *vector,
+            Self::Line(_, along) => vector - along.into_inner() * along.dot(vector),
+        }
     }
 }
 
@@ -250,6 +284,13 @@ impl Solid {
             Self::Outside => SignedDistance { distance: -distance, gradient: -gradient },
         }
     }
+
+    fn seen_from_outside(self, core: SurfaceCore) -> Option<SurfaceCore> {
+        match self {
+            Self::Inside => Some(core),
+            Self::Outside => None,
+        }
+    }
 }
 
 /// A sphere.
@@ -277,6 +318,9 @@ impl Surface for SphericalSurface {
     }
     fn concavity(&self, point: &Vector3<f64>, reach: f64) -> f64 {
         radial_concavity(point - self.centre, reach, self.solid)
+    }
+    fn core(&self) -> Option<SurfaceCore> {
+        self.solid.seen_from_outside(SurfaceCore::Point(self.centre))
     }
     fn hessian(&self, point: &Vector3<f64>) -> Matrix3<f64> {
         radial_hessian(point - self.centre, Matrix3::identity(), self.solid)
@@ -321,6 +365,9 @@ impl Surface for CylindricalSurface {
     fn concavity(&self, point: &Vector3<f64>, reach: f64) -> f64 {
         let span = point - self.centre;
         radial_concavity(span - self.axis.into_inner() * self.axis.dot(&span), reach, self.solid)
+    }
+    fn core(&self) -> Option<SurfaceCore> {
+        self.solid.seen_from_outside(SurfaceCore::Line(self.centre, self.axis))
     }
     fn hessian(&self, point: &Vector3<f64>) -> Matrix3<f64> {
         let across = Matrix3::identity() - self.axis.into_inner() * self.axis.transpose();

@@ -86,12 +86,8 @@ impl PointSweep {
     pub(crate) fn against<S: Surface + ?Sized>(&self, shape: &Shape, surface: &S) -> Sweep {
         let Self { centre, time, speed, acceleration, size } = *self;
         let constant = surface.lipschitz();
-        // The lowest point of a rim changes at once where it lies flat.
-        let is_rim = match shape {
-            Shape::Point(_) | Shape::Ball { .. } => false,
-            Shape::Rim { .. } => true,
-        };
-        let fall = if is_rim {
+        // The lowest point of a rim changes at once where it lies flat, as that of a capsule does along an axis.
+        let fall = if shape.is_extended() {
             f64::INFINITY
         } else {
             let bend = surface.concavity(&centre, speed * time);
@@ -238,12 +234,17 @@ impl BodySweep {
         point.against(shape, surface)
     }
 
-    /// The sweep of the gap between two spheres on two bodies, their centres at some distances from those of mass.
-    pub(crate) fn between_spheres(sweeps: [&Self; 2], levers: [f64; 2]) -> Sweep {
-        let [a, b] = sweeps;
+    /// The sweep of the gap between two shapes on two bodies.
+    pub(crate) fn of_pair(sweeps: [&Self; 2], shapes: [&Shape; 2]) -> Sweep {
+        let ([a, b], levers) = (sweeps, shapes.map(Shape::reach));
+        let is_extended = shapes.iter().any(|shape| shape.is_extended());
         Sweep {
             speed: a.point_speed(levers[0]) + b.point_speed(levers[1]),
-            fall: a.point_acceleration(levers[0]) + b.point_acceleration(levers[1]),
+            fall: if is_extended {
+                f64::INFINITY
+            } else {
+                a.point_acceleration(levers[0]) + b.point_acceleration(levers[1])
+            },
             size: a.position.amax() + b.position.amax() + levers[0] + levers[1],
         }
     }

@@ -1,4 +1,5 @@
 from collections.abc import Callable, Sequence
+from os import PathLike
 from typing import Any, Literal, TypeAlias, final
 
 from numpy.typing import ArrayLike
@@ -22,6 +23,7 @@ __all__ = [
     "LinkContact",
     "LinkEvent",
     "LinkPair",
+    "Platform",
     "RegularisedFriction",
     "Resistance",
     "Sensitivities",
@@ -32,6 +34,7 @@ __all__ = [
     "TreeContactSystem",
     "TreeContacts",
     "TreeGradient",
+    "TreeOnPlatforms",
     "TreeSensitivities",
     "bouncing_ball",
     "damping_ratio",
@@ -164,6 +167,27 @@ class Contact:
         friction: _FrictionLaw | None = None,
         resistance: Resistance | None = None,
     ) -> Contact: ...
+    @staticmethod
+    def capsule(
+        ends: ArrayLike,
+        radius: float,
+        surface: SphericalSurface | CylindricalSurface,
+        law: _NormalLaw,
+        *,
+        friction: _FrictionLaw | None = None,
+        resistance: Resistance | None = None,
+    ) -> Contact: ...
+    @staticmethod
+    def box(
+        size: ArrayLike,
+        surface: SphericalSurface,
+        law: _NormalLaw,
+        *,
+        center: ArrayLike | None = None,
+        orientation: Rotation | ArrayLike | None = None,
+        friction: _FrictionLaw | None = None,
+        resistance: Resistance | None = None,
+    ) -> Contact: ...
     @property
     def point(self) -> _Floats: ...
     @property
@@ -178,7 +202,14 @@ class Contact:
     def radius(self) -> float | None: ...
     @property
     def axis(self) -> _Floats | None: ...
+    @property
+    def ends(self) -> _Floats | None: ...
+    @property
+    def size(self) -> _Floats | None: ...
+    @property
+    def orientation(self) -> _Floats | None: ...
     def gap(self, state: State) -> tuple[float, float]: ...
+    def touch(self, state: State) -> tuple[_Floats, _Floats]: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
 
 @final
@@ -232,6 +263,18 @@ class LinkPair:
         law: _NormalLaw,
         *,
         centers: Sequence[ArrayLike] | None = None,
+        friction: _FrictionLaw | None = None,
+        resistance: Resistance | None = None,
+    ) -> LinkPair: ...
+    @staticmethod
+    def of_shapes(
+        name: str,
+        links: tuple[str, str] | Sequence[str],
+        shapes: Sequence[tuple[Literal["sphere", "capsule", "box"], ArrayLike]],
+        law: _NormalLaw,
+        *,
+        positions: Sequence[ArrayLike] | None = None,
+        orientations: Sequence[Rotation | ArrayLike] | None = None,
         friction: _FrictionLaw | None = None,
         resistance: Resistance | None = None,
     ) -> LinkPair: ...
@@ -352,8 +395,40 @@ def link_contacts(
     friction: _FrictionLaw | None = None,
     resistance: Resistance | None = None,
     links: Sequence[str] | None = None,
+    meshes: str | PathLike[str] | None = None,
     on: str | None = None,
 ) -> tuple[list[LinkContact], list[str]]: ...
+
+@final
+class Platform:
+    def __new__(
+        cls,
+        name: str,
+        motion: Callable[[float], Sequence[Any]],
+        interval: tuple[float, float] | Sequence[float] | None = None,
+    ) -> Platform: ...
+    @property
+    def name(self) -> str: ...
+    @property
+    def motion(self) -> Callable[[float], Sequence[Any]]: ...
+    @property
+    def interval(self) -> tuple[float, float]: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class TreeOnPlatforms:
+    def __new__(cls, model: Model, platforms: Sequence[Platform]) -> TreeOnPlatforms: ...
+    @property
+    def tree(self) -> Model: ...
+    @property
+    def platforms(self) -> list[Platform]: ...
+    @property
+    def model(self) -> Model: ...
+    @property
+    def active(self) -> list[bool]: ...
+    def start(self, q: ArrayLike, v: ArrayLike, t: float = 0.0) -> tuple[_Floats, _Floats]: ...
+    def acceleration(self, t: float, q: ArrayLike | None = None, v: ArrayLike | None = None) -> _Floats: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
 
 @final
 class TreeContactSystem:

@@ -38,8 +38,8 @@ __all__ = [
 ]
 
 Array = NDArray[np.float64]
-#: An end of a contact: a body and a point of it, the sign of the force on it, and whether the point is the
-#: centre of a ball or rim.
+#: An end of a contact: a body and a point of it, the sign of the force on it, and whether it touches at
+#: another point than this.
 _End: TypeAlias = tuple[int, Array, float, bool]
 Distance: TypeAlias = Callable[[Array], tuple[float, Any]]
 
@@ -64,7 +64,7 @@ def touches_of(solution: Solution) -> list[Touch]:
     """Forces of all contacts of a solution on its bodies, at its times."""
     given = contacts_of(solution)
     held = [
-        [(body, np.asarray(contact.point), 1.0, contact.radius is not None)]
+        [(body, np.asarray(contact.point), 1.0, _is_extended(contact))]
         for body, contacts in enumerate(given)
         for contact in contacts
     ]
@@ -91,8 +91,8 @@ def touches_of_tree(solution: TreeSolution) -> list[Touch]:
     held = []
     for contact in solution.contacts:
         if isinstance(contact, LinkContact):
-            is_round = contact.contact.radius is not None
-            held.append([(model.body(contact.link), np.asarray(contact.contact.point), 1.0, is_round)])
+            extended = _is_extended(contact.contact)
+            held.append([(model.body(contact.link), np.asarray(contact.contact.point), 1.0, extended)])
         else:
             ends = zip(contact.links, contact.centers, (1.0, -1.0), strict=True)
             held.append([(model.body(link), np.asarray(center), sign, True) for link, center, sign in ends])
@@ -110,10 +110,15 @@ def _touches(
     t = np.asarray(solution.t)
     found = []
     for k, ends in enumerate(held):
-        for body, point, sign, is_round in ends:
-            away = points[:, k] - origins[:, body] - turns[:, body] @ point if is_round else None
+        for body, point, sign, extended in ends:
+            away = points[:, k] - origins[:, body] - turns[:, body] @ point if extended else None
             found.append(touch(body, point, t, sign * forces[:, k], away))
     return found
+
+
+def _is_extended(contact: Contact) -> bool:
+    """Whether it touches at another point than its own."""
+    return contact.radius is not None or contact.size is not None
 
 
 def _distance(surface: Surface | Distance) -> Distance:

@@ -36,4 +36,18 @@ impl Encounter {
         tilting: Vector3::new(0.0, 0.0, 0.0),
         mass: 0.0,
     };
+
+    /// How much it changes from another one, times a factor.
+    pub(crate) fn change_from(&self, before: &Self, factor: f64) -> Self {
+        Self {
+            gap: (self.gap - before.gap) * factor,
+            rate: (self.rate - before.rate) * factor,
+            normal: (self.normal - before.normal) * factor,
+            point: (self.point - before.point) * factor,
+            sliding: (self.sliding - before.sliding) * factor,
+            turning: (self.turning - before.turning) * factor,
+            tilting: (self.tilting - before.tilting) * factor,
+            mass: 0.0,
+        }
+    }
 }

@@ -52,7 +52,7 @@ impl Quadruped {
         let robot = urdf::read(Self::URDF, &options)?;
         let ground: Arc<dyn Surface> = Arc::new(HalfSpace::ground());
         let law = ContactLaw::from(self.law).with_friction(self.friction);
-        let contacts = geometry_contacts(&robot.model, &robot.geometry, None, &ground, &law)?.contacts;
+        let contacts = geometry_contacts(&robot.model, &robot.geometry, None, None, &ground, &law)?.contacts;
         let model = robot.model;
         let (mut actuators, mut q) = (Vec::new(), model.neutral());
         for leg in ["lf", "rf", "lh", "rh"] {

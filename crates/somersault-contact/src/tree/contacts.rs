@@ -5,7 +5,9 @@ use crate::carrier::Frame;
 use crate::contacts::Contact;
 use crate::error::ContactError;
 use crate::laws::{ContactLaw, Encounter};
-use nalgebra::{Matrix3, Vector3};
+use crate::shape::Shape;
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use somersault_multibody::geometry::GeometryShape;
 use somersault_multibody::motion::mobility_bound;
 use somersault_multibody::{Model, Velocities};
 use std::collections::HashSet;
@@ -55,12 +57,13 @@ impl LinkContact {
     }
 }
 
-/// Two spheres on two links that touch under some laws, with a name.
+/// Two spheres on two links that touch under some laws, with a name; or a sphere and a capsule or a box, or two capsules.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LinkPair {
     name: String,
     links: [String; 2],
-    spheres: [(Vector3<f64>, f64); 2],
+    /// On no bodies yet.
+    spheres: [BodySphere; 2],
     law: ContactLaw,
 }
 
@@ -72,16 +75,35 @@ impl LinkPair {
         second: (impl Into<String>, Vector3<f64>, f64),
         law: impl Into<ContactLaw>,
     ) -> Result<Self, ContactError> {
-        let links = [first.0.into(), second.0.into()];
-        let spheres = [(first.1, first.2), (second.1, second.2)];
-        for (centre, radius) in spheres {
-            BodySphere::try_new(0, centre, radius)?;
-        }
+        let spheres =
+            [BodySphere::try_new(0, first.1, first.2)?, BodySphere::try_new(0, second.1, second.2)?];
+        Self::of(name.into(), [first.0.into(), second.0.into()], spheres, law.into())
+    }
+
+    /// Two shapes, each by link, shape, centre and how it is turned in the frame of the link, and a law, as [`SpherePair`] has them.
+    pub fn of_shapes(
+        name: impl Into<String>,
+        links: [impl Into<String>; 2],
+        shapes: [(&GeometryShape, (Vector3<f64>, UnitQuaternion<f64>)); 2],
+        law: impl Into<ContactLaw>,
+    ) -> Result<Self, ContactError> {
+        let [first, second] = shapes.map(|(shape, place)| BodySphere::of_shape(0, shape, place));
+        Self::of(name.into(), links.map(Into::into), [first?, second?], law.into())
+    }
+
+    fn of(
+        name: String,
+        links: [String; 2],
+        spheres: [BodySphere; 2],
+        law: ContactLaw,
+    ) -> Result<Self, ContactError> {
         let [a, b] = &links;
         if a == b {
             return Err(ContactError::SameLink { link: a.clone() });
         }
-        Ok(Self { name: name.into(), links, spheres, law: law.into() })
+        let [first, second] = spheres;
+        SpherePair::try_new(first, second.on(1), law.clone())?;
+        Ok(Self { name, links, spheres, law })
     }
 
     /// Name of the contact.
@@ -92,6 +114,11 @@ impl LinkPair {
     /// Names of the links.
     pub fn links(&self) -> &[String; 2] {
         &self.links
+    }
+
+    /// The shapes on them.
+    pub fn shapes(&self) -> [&Shape; 2] {
+        self.spheres.each_ref().map(BodySphere::shape)
     }
 }
 
@@ -129,10 +156,8 @@ impl TreeContacts {
             names.push(name);
         }
         for LinkPair { name, links: [a, b], spheres: [first, second], law } in pairs {
-            let sphere = |link, (centre, radius): (Vector3<f64>, f64)| {
-                BodySphere::try_new(number("links", link)?, centre, radius)
-            };
-            paired.push(SpherePair::try_new(sphere(a, first)?, sphere(b, second)?, law)?);
+            let (first, second) = (first.on(number("links", a)?), second.on(number("links", b)?));
+            paired.push(SpherePair::try_new(first, second, law)?);
             names.push(name);
         }
         let mut seen = HashSet::new();
@@ -153,7 +178,10 @@ impl TreeContacts {
             }
             Part::Pair(pair) => {
                 let [a, b] = pair.spheres();
-                Ok(root(a.body(), a.centre(), 0.0)? + root(b.body(), b.centre(), 0.0)?)
+                let of = |sphere: &BodySphere| {
+                    root(sphere.body(), sphere.centre(), sphere.shape().reach() - sphere.centre().norm())
+                };
+                Ok(of(a)? + of(b)?)
             }
         };
         let mobilities = contacts.parts().enumerate().map(mobility).collect::<Result<_, _>>()?;

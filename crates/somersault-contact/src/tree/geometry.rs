@@ -1,15 +1,19 @@
-//! Contacts from shapes that are fixed in links: a box, a capsule, a cylinder, a sphere, and what a robot's file collides with.
+//! Contacts from shapes that are fixed in links: a box, a capsule, a cylinder, a sphere, the convex hull of a mesh, and what a
+//! robot's file collides with.
 
 use super::contacts::LinkContact;
+use super::mesh;
 use crate::contacts::Contact;
 use crate::error::{ContactError, UntouchableShape};
 use crate::laws::ContactLaw;
-use crate::surface::Surface;
+use crate::surface::{Surface, SurfaceCore};
 use nalgebra::{UnitQuaternion, Vector3};
 use somersault_core::argument::expect_positive;
 use somersault_multibody::Model;
 use somersault_multibody::geometry::{Geometry, GeometryPurpose, GeometryShape};
 use std::fmt;
+use std::fs;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// A shape of a robot that has no contact.
@@ -46,14 +50,15 @@ pub struct GeometryContacts {
 ///
 /// | Shape | Contacts |
 /// |---|---|
-/// | box | its 8 corners, `name corner 1` to `name corner 8`: x changes first, z last |
-/// | capsule | the balls at its ends, `name end 1` (at −z) and `name end 2` |
+/// | box | its 8 corners, `name corner 1` to `name corner 8`: x changes first, z last; against a cylinder from outside its edges, `name edge 1` to `name edge 12`, those along x first; as one, `name`, against a sphere from outside |
+/// | capsule | the balls at its ends, `name end 1` (at −z) and `name end 2`; as one, `name`, against spheres and cylinders from outside |
 /// | cylinder | its rims, `name rim 1` (at −z) and `name rim 2`, against half-spaces |
 /// | sphere | a ball, `name` |
 ///
-/// Each has the law for itself: a box that stands on a face has four springs. Against a plane these are all that touches; against
-/// curved surfaces edges and faces of a box, and the middle of a capsule, do not touch. A cylinder that stands flat is held by points
-/// that are not determined (see [`Shape::Rim`](crate::shape::Shape::Rim)): a flat foot is a box.
+/// Each has the law for itself: a box that stands on a face has four springs, and a corner that touches a cylinder those of its three
+/// edges. These are all that touches planes, spheres and cylinders, from outside or inside. Against other surfaces edges and faces of a
+/// box, and the middle of a capsule, do not touch. A cylinder that stands flat, and a capsule along a cylinder, are held by points
+/// that are not determined (see [`Shape`](crate::shape::Shape)): a flat foot is a box.
 ///
 /// ```
 /// use nalgebra::{UnitQuaternion, Vector3};
@@ -88,12 +93,32 @@ pub fn shape_contacts(
             for edge in size {
                 expect_positive("size", *edge)?;
             }
+            let touch = |ends: [Vector3<f64>; 2]| {
+                Contact::try_capsule(ends.map(at), 0.0, surface.clone(), law.clone())
+            };
+            match surface.core() {
+                Some(SurfaceCore::Point(_)) => {
+                    let place = (position, orientation);
+                    let whole = Contact::try_box(*size, place, surface.clone(), law.clone())?;
+                    return Ok(vec![LinkContact::new(name, link, whole)]);
+                }
+                Some(SurfaceCore::Line(..)) => {
+                    let edges = edges(size).into_iter().map(touch).collect::<Result<_, _>>()?;
+                    return Ok(named(name, link, "edge", edges));
+                }
+                None => {}
+            }
             let corner = |k: usize| Vector3::from_fn(|axis, _| if k >> axis & 1 == 1 { 0.5 } else { -0.5 });
             let corners = (0..8).map(|k| point(corner(k).component_mul(size)));
             ("corner", corners.collect::<Result<_, _>>()?)
         }
         GeometryShape::Capsule { radius, length } => {
             let ends = ends(expect_positive("length", *length)?);
+            if surface.core().is_some() {
+                let radius = expect_positive("radius", *radius)?;
+                let whole = Contact::try_capsule(ends.map(at), radius, surface.clone(), law.clone())?;
+                return Ok(vec![LinkContact::new(name, link, whole)]);
+            }
             ("end", ends.into_iter().map(|end| ball(end, *radius)).collect::<Result<_, _>>()?)
         }
         GeometryShape::Cylinder { radius, length } => {
@@ -107,18 +132,78 @@ pub fn shape_contacts(
         GeometryShape::Ellipsoid { .. } => return Err(UntouchableShape::Ellipsoid.into()),
         GeometryShape::Mesh { file, .. } => return Err(UntouchableShape::Mesh { file: file.clone() }.into()),
     };
+    Ok(named(name, link, part, contacts))
+}
+
+/// Contacts of a link by the name of the whole and the number of each part.
+fn named(name: &str, link: &str, part: &str, contacts: Vec<Contact>) -> Vec<LinkContact> {
     let named = |(k, contact)| {
         let name = if part.is_empty() { name.to_owned() } else { format!("{name} {part} {}", k + 1) };
         LinkContact::new(name, link, contact)
     };
-    Ok(contacts.into_iter().enumerate().map(named).collect())
+    contacts.into_iter().enumerate().map(named).collect()
+}
+
+/// The edges of a box about the origin by their ends, those along x first.
+fn edges(size: &Vector3<f64>) -> Vec<[Vector3<f64>; 2]> {
+    let half = size * 0.5;
+    let edge = |axis: usize, k: usize| {
+        let signs = [k & 1, k >> 1].map(|bit| if bit == 1 { 1.0 } else { -1.0 });
+        let mut middle = Vector3::zeros();
+        for (side, sign) in [(axis + 1) % 3, (axis + 2) % 3].into_iter().zip(signs) {
+            middle[side] = sign * half[side];
+        }
+        let along = Vector3::ith(axis, half[axis]);
+        [middle - along, middle + along]
+    };
+    (0..3).flat_map(|axis| (0..4).map(move |k| edge(axis, k))).collect()
+}
+
+/// How many bytes the file of a mesh may have.
+const LARGEST_FILE: u64 = 64 << 20;
+
+/// The contacts of the convex hull of a mesh that is fixed in a link: its vertices as points, `name vertex 1` and so on.
+///
+/// A mesh that is not convex touches as its hull does, and, as of a box, neither edges nor faces touch curved surfaces. The
+/// file ends in `.stl` or `.obj`; it may have 50 000 different places, and its hull 512 vertices.
+pub fn mesh_contacts(
+    name: &str,
+    link: &str,
+    file: &Path,
+    scale: &Vector3<f64>,
+    (position, orientation): (Vector3<f64>, UnitQuaternion<f64>),
+    surface: &Arc<dyn Surface>,
+    law: &ContactLaw,
+) -> Result<Vec<LinkContact>, ContactError> {
+    let shown = file.display().to_string();
+    let unreadable = |reason: String| UntouchableShape::Unreadable { file: shown.clone(), reason };
+    let size = fs::metadata(file).map_err(|error| unreadable(error.to_string()))?.len();
+    if size > LARGEST_FILE {
+        return Err(unreadable(format!("it has {size} bytes, more than {LARGEST_FILE}")).into());
+    }
+    let content = fs::read(file).map_err(|error| unreadable(error.to_string()))?;
+    let vertices = mesh::hull_vertices(&content, &shown)?;
+    let point = |place: Vector3<f64>| {
+        let place = position + orientation * place.component_mul(scale);
+        Contact::try_new(place, surface.clone(), law.clone())
+    };
+    Ok(named(name, link, "vertex", vertices.into_iter().map(point).collect::<Result<_, _>>()?))
+}
+
+/// Where the file of a mesh lies: under a folder, by its whole path or without the name of its package.
+fn found_under(folder: &Path, file: &str) -> Option<PathBuf> {
+    let path = file.split_once("://").map_or(file, |(_, path)| path);
+    let whole = Path::new(path);
+    let within: PathBuf = whole.components().skip(1).collect();
+    [folder.join(whole), folder.join(within)].into_iter().find(|path| path.is_file())
 }
 
 /// The contacts of what a robot collides with, `Robot::geometry` of `somersault_multibody::robot`: of the links of
 /// these names, or of all.
 ///
 /// The contacts of a link with one shape are called by its name, as [`shape_contacts`] does; those of one with more by
-/// `link shape 1`, `link shape 2` and so on. Shapes that are to be seen have none.
+/// `link shape 1`, `link shape 2` and so on. Shapes that are to be seen have none. Files of meshes are opened where `meshes` is
+/// the folder that they lie in, as [`mesh_contacts`] does.
 ///
 /// ```
 /// use somersault_contact::laws::{ContactLaw, compliant::CompliantLaw};
@@ -134,7 +219,7 @@ pub fn shape_contacts(
 /// let robot = urdf::read(text, &UrdfOptions::default())?;
 /// let (ground, law): (Arc<dyn Surface>, ContactLaw) =
 ///     (Arc::new(HalfSpace::ground()), CompliantLaw::try_new(1e4, 20.0)?.into());
-/// let found = geometry_contacts(&robot.model, &robot.geometry, None, &ground, &law)?;
+/// let found = geometry_contacts(&robot.model, &robot.geometry, None, None, &ground, &law)?;
 /// assert_eq!(found.contacts[0].name(), "shaft shape 1");
 /// assert!(found.left_out[0].to_string().starts_with("link `shaft`: a mesh has no contacts"));
 /// # Ok::<(), Box<dyn std::error::Error>>(())
@@ -143,6 +228,7 @@ pub fn geometry_contacts(
     model: &Model,
     geometry: &[Geometry],
     links: Option<&[String]>,
+    meshes: Option<&Path>,
     surface: &Arc<dyn Surface>,
     law: &ContactLaw,
 ) -> Result<GeometryContacts, ContactError> {
@@ -169,7 +255,19 @@ pub fn geometry_contacts(
         }
         for (k, of) in shapes.iter().enumerate() {
             let name = if shapes.len() == 1 { link.to_owned() } else { format!("{link} shape {}", k + 1) };
-            match shape_contacts(&name, link, &of.shape, (of.position, of.orientation), surface, law) {
+            let place = (of.position, of.orientation);
+            let made = match (&of.shape, meshes) {
+                (GeometryShape::Mesh { file, scale }, Some(folder)) => match found_under(folder, file) {
+                    Some(path) => mesh_contacts(&name, link, &path, scale, place, surface, law),
+                    None => Err(UntouchableShape::NoFile {
+                        file: file.clone(),
+                        folder: folder.display().to_string(),
+                    }
+                    .into()),
+                },
+                _ => shape_contacts(&name, link, &of.shape, place, surface, law),
+            };
+            match made {
                 Ok(contacts) => found.contacts.extend(contacts),
                 Err(ContactError::Shape(reason)) => found.left_out.push(left_out(of.name.as_ref(), reason)),
                 Err(error) => return Err(error),

@@ -11,7 +11,7 @@ use super::contacts::TreeContacts;
 use crate::bodies::{Hold, Part, SpherePair};
 use crate::carrier::{Carrier, Frame};
 use crate::laws::Encounter;
-use crate::linearization::Linearization;
+use crate::linearization::{Linearization, step_along};
 use nalgebra::Vector3;
 use somersault_integrators::force::Wrench;
 use somersault_integrators::state::Twist;
@@ -131,6 +131,12 @@ impl LinkLinearization {
     /// Of two spheres.
     fn between(&self, pair: &SpherePair, ends: [(&Frame, &Tangent<Twist>); 2]) -> Encounter {
         let [(on_a, to_a), (on_b, to_b)] = ends;
+        if !pair.is_of_balls() {
+            let step = step_along([to_a, to_b]);
+            let [after, before] = [step, -step]
+                .map(|way| pair.meet_on([on_a.moved(to_a, way), on_b.moved(to_b, way)], [1.0, 1.0]).0);
+            return after.change_from(&before, 0.5 / step);
+        }
         let [a, b] = pair.spheres();
         let [arm_a, arm_b] = [on_a.turned(a.centre()), on_b.turned(b.centre())];
         let [turn_a, turn_b] = [to_a, to_b].map(|to| to.displacement.angular);

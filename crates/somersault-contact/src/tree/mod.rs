@@ -8,9 +8,10 @@
 //! state, beside the rates of the joints. Every method that moves trees takes a [`TreeInContact`], in fixed or adapted steps,
 //! with located events.
 //!
-//! A surface stands in the world, or is carried by a body of the tree ([`LinkContact::on`]): a board on a spring, a platform or a
-//! conveyor whose joint is [driven](somersault_multibody::motion::Driven) as a function of time. The contacts of a box, a capsule, a
-//! cylinder or a sphere, and of what a robot's file collides with, are made by [`shape_contacts`] and [`geometry_contacts`].
+//! A surface stands in the world, or is carried by a body of the tree ([`LinkContact::on`]): a board on a spring, or a joint that
+//! is [driven](somersault_multibody::motion::Driven). Platforms, tables and conveyors that move as functions of time are put beside
+//! the tree by [`TreeOnPlatforms`]. The contacts of a box, a capsule, a cylinder or a sphere, and of what a robot's file collides
+//! with, are made by [`shape_contacts`] and [`geometry_contacts`].
 //!
 //! # How a step is proved clear
 //!
@@ -60,13 +61,16 @@ mod equilibrium;
 mod geometry;
 mod linearization;
 mod linearized;
+mod mesh;
+mod platform;
 mod report;
 mod system;
 
 pub use contacts::{LinkContact, LinkPair, TreeContacts};
 pub use equilibrium::Equilibrium;
-pub use geometry::{GeometryContacts, LeftOut, geometry_contacts, shape_contacts};
+pub use geometry::{GeometryContacts, LeftOut, geometry_contacts, mesh_contacts, shape_contacts};
 pub(crate) use linearization::LinkLinearization;
 pub use linearization::TreeRoom;
+pub use platform::{PlatformMotion, TreeOnPlatforms};
 pub use report::{Ledger, MomentumLedger};
 pub use system::{TouchingRate, TouchingState, TouchingWorkspace, TreeInContact};

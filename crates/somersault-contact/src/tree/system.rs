@@ -237,12 +237,13 @@ impl<'m, F: TreeForces, D: JointDrive> TreeInContact<'m, F, D> {
             }
             Part::Pair(pair) => {
                 let ends = pair.spheres().each_ref().map(|sphere| {
-                    let (bound, lever) = (&links[sphere.body()], sphere.centre().norm());
+                    let (bound, lever) = (&links[sphere.body()], sphere.shape().reach());
                     let size = frame(bodies, sphere.body()).origin.amax() + lever;
                     (bound.speed_at(lever), bound.acceleration_at(lever), size)
                 });
                 let [a, b] = ends;
-                Sweep { speed: proved.unwrap_or(a.0 + b.0), fall: a.1 + b.1, size: a.2 + b.2 }
+                let fall = if pair.is_of_balls() { a.1 + b.1 } else { f64::INFINITY };
+                Sweep { speed: proved.unwrap_or(a.0 + b.0), fall, size: a.2 + b.2 }
             }
         }
     }

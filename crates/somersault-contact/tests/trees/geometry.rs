@@ -94,7 +94,7 @@ const ROBOT: &str = r#"<robot name="robot">
 fn a_robot_touches_with_its_collision_elements() {
     let robot = urdf::read(ROBOT, &UrdfOptions::default()).unwrap();
     let of = |links: Option<&[String]>| {
-        geometry_contacts(&robot.model, &robot.geometry, links, &ground(), &law()).unwrap()
+        geometry_contacts(&robot.model, &robot.geometry, links, None, &ground(), &law()).unwrap()
     };
     let all = of(None);
     assert_eq!(all.contacts.len(), 8 + 2 + 1);
@@ -108,9 +108,83 @@ fn a_robot_touches_with_its_collision_elements() {
     assert_eq!(some.contacts.len(), 1);
     assert_eq!(some.left_out[0].to_string(), "link `tail`: it has no shape to collide with");
     let unknown = ["hand".to_owned()];
-    let unknown = geometry_contacts(&robot.model, &robot.geometry, Some(&unknown), &ground(), &law());
+    let unknown = geometry_contacts(&robot.model, &robot.geometry, Some(&unknown), None, &ground(), &law());
     assert_eq!(
         unknown.unwrap_err().to_string(),
         "`links` must be the name of a body of the model, found `hand`"
     );
+}
+
+/// The binary STL of a box of 1 × 2 × 3 with its centre at the origin, each face in two triangles and a point in its middle four times.
+fn stl() -> Vec<u8> {
+    let corner = |k: usize| [k & 1, k >> 1 & 1, k >> 2].map(|bit| bit as f32 - 0.5);
+    let faces = [[0, 1, 3, 2], [4, 5, 7, 6], [0, 1, 5, 4], [2, 3, 7, 6], [0, 2, 6, 4], [1, 3, 7, 5]];
+    let scaled = |[x, y, z]: [f32; 3]| [x, 2.0 * y, 3.0 * z];
+    let mut triangles: Vec<[[f32; 3]; 3]> = Vec::new();
+    for face in faces.map(|face| face.map(|k| scaled(corner(k)))) {
+        let middle = [0, 1, 2].map(|axis| face.iter().map(|place| place[axis]).sum::<f32>() / 4.0);
+        triangles.extend((0..4).map(|k| [face[k], face[(k + 1) % 4], middle]));
+    }
+    let mut content = vec![b's'; 80];
+    content.extend(u32::try_from(triangles.len()).unwrap().to_le_bytes());
+    for triangle in triangles {
+        content.extend([0; 12]);
+        content.extend(triangle.iter().flatten().flat_map(|x| x.to_le_bytes()));
+        content.extend([0; 2]);
+    }
+    content
+}
+
+#[test]
+fn a_mesh_touches_with_the_vertices_of_its_hull() {
+    let folder = std::env::temp_dir().join(format!("somersault-meshes-{}", std::process::id()));
+    let meshes = folder.join("meshes");
+    std::fs::create_dir_all(&meshes).unwrap();
+    let write = |name: &str, content: &[u8]| std::fs::write(meshes.join(name), content).unwrap();
+    write("box.STL", &stl());
+    // A pyramid with a dent, whose lowest place is within its hull.
+    write(
+        "dent.obj",
+        b"# v 9 9 9\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0.5 0.5 0.2\nv 0.5 0.5 1\nvn 0 0 1\nf 1 2 5\n",
+    );
+    write(
+        "text.stl",
+        b"solid t\nfacet normal 0 0 1\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nvertex 0 0 1e0\n",
+    );
+    write("flat.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\n");
+    write("word.obj", b"v 0 0\n");
+    write("nan.obj", b"v 0 nan 0\n");
+    write("short.stl", &stl()[..300]);
+    write("box.dae", b"");
+    let of = |file: &str| {
+        let text = ROBOT.replace(r#"filename="shell.stl""#, &format!(r#"filename="{file}" scale="1 1 2""#));
+        let robot = urdf::read(&text, &UrdfOptions::default()).unwrap();
+        let links = Some(&["trunk".to_owned()][..]);
+        geometry_contacts(&robot.model, &robot.geometry, links, Some(&folder), &ground(), &law()).unwrap()
+    };
+    let vertices = |file: &str| {
+        let found = of(file);
+        assert!(found.left_out.is_empty(), "{:?}", found.left_out);
+        let vertices = found.contacts.iter().filter(|c| c.name().starts_with("trunk shape 2 vertex "));
+        let mut places: Vec<[f64; 3]> =
+            vertices.map(|vertex| (*vertex.contact().shape().centre()).into()).collect();
+        places.sort_by(|a, b| a.partial_cmp(b).unwrap());
+        places
+    };
+    let boxed = vertices("package://robot/meshes/box.STL");
+    assert_eq!((boxed.len(), boxed[0], boxed[7]), (8, [-0.5, -1.0, -3.0], [0.5, 1.0, 3.0]));
+    assert_eq!(vertices("meshes/dent.obj").len(), 5);
+    assert_eq!(vertices("meshes/text.stl"), [[0.0; 3], [0.0, 0.0, 2.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]);
+    for (file, reason) in [
+        ("flat.obj", "its places have no convex hull with a volume"),
+        ("word.obj", "line 1 must have three numbers, found \"\""),
+        ("nan.obj", "its places must be finite, found [0.0, NaN, 0.0]"),
+        ("short.stl", "it is no text and its 300 bytes are not those of its triangles"),
+        ("box.dae", "it must end in .stl or .obj"),
+        ("none.obj", "is not in"),
+    ] {
+        let left_out = &of(&format!("meshes/{file}")).left_out;
+        assert!(left_out.len() == 1 && left_out[0].to_string().contains(reason), "{left_out:?}");
+    }
+    std::fs::remove_dir_all(&folder).unwrap();
 }

@@ -5,7 +5,9 @@ use crate::contact::laws::{
 };
 use crate::contact::surface::{CallableSurface, HalfSpace, Surface};
 use crate::core::callable::Failure;
-use crate::core::convert::{a_type, sequence, vector, vector_array, vector_or};
+use crate::core::convert::{
+    a_type, array, matrix_array, orientation, sequence, vector, vector_array, vector_or, with_shape,
+};
 use crate::core::error::Error;
 use crate::core::value::{brief, value};
 use crate::integrators::bodies::State;
@@ -14,14 +16,14 @@ use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::contact::bodies::{self, BodyContacts, BodySphere};
 use somersault::contact::contacts::{self, Contacts};
-use somersault::contact::laws::ContactLaw;
+use somersault::contact::laws::{ContactLaw, Encounter};
 use somersault::contact::shape::Shape;
 use somersault::contact::surface;
 use somersault::integrators::body::RigidBody;
-use somersault::integrators::nalgebra::Vector3;
+use somersault::integrators::nalgebra::{UnitQuaternion, Vector3};
 use std::sync::Arc;
 
-/// A point of a body that touches a surface under some laws; by `ball` and `rim` a ball and a rim.
+/// A point of a body that touches a surface under some laws; by `ball`, `rim`, `capsule` and `box` one of those.
 ///
 /// Parameters
 /// ----------
@@ -59,6 +61,14 @@ pub(crate) struct Contact {
 /// Law, friction and resistance as a file has them.
 pub(crate) type GivenLaws<'py> = (Bound<'py, PyAny>, Option<Bound<'py, PyAny>>, Option<Bound<'py, PyAny>>);
 
+/// Point or centre, axis, radius, and ends, size and orientation, of those that a shape has, as a file has them.
+type GivenShape<'py> = (
+    Bound<'py, PyAny>,
+    Option<Bound<'py, PyAny>>,
+    Option<f64>,
+    (Option<Bound<'py, PyAny>>, Option<Bound<'py, PyAny>>, Option<Bound<'py, PyAny>>),
+);
+
 /// What a contact is made against until it meets its surface.
 fn built_in(surface: &Bound<'_, PyAny>) -> Result<Arc<dyn surface::Surface>, Error> {
     if let Ok(surface) = surface.cast::<Surface>() {
@@ -84,7 +94,7 @@ impl Contact {
     pub(crate) fn given(contact: &contacts::Contact, surface: &Bound<'_, PyAny>) -> Self {
         let axis = match contact.shape() {
             Shape::Rim { axis, .. } => Some(axis.into_inner()),
-            Shape::Point(_) | Shape::Ball { .. } => None,
+            Shape::Point(_) | Shape::Ball { .. } | Shape::Capsule { .. } | Shape::Box { .. } => None,
         };
         Self { contact: contact.clone(), surface: surface.clone().unbind(), axis }
     }
@@ -96,6 +106,18 @@ impl Contact {
             return Ok(known);
         }
         Ok(Arc::new(CallableSurface::new(surface, &Failure::default())))
+    }
+
+    /// What the laws see in a state of the body, but for its mass.
+    fn encounter(&self, py: Python<'_>, state: &State) -> Result<Encounter, Error> {
+        let failure = Failure::default();
+        // Geometry does not depend on mass and inertia.
+        let any = RigidBody::try_principal(1.0, Vector3::repeat(1.0))?;
+        let at = self.contact(py, &failure).encounter(&any, &state.0);
+        match failure.get() {
+            Some(error) => Err(error.clone_ref(py).into()),
+            None => Ok(at),
+        }
     }
 
     pub(crate) fn is_built_in(&self, py: Python<'_>) -> bool {
@@ -206,7 +228,100 @@ impl Contact {
         Ok(Self { contact, surface: plane.clone().unbind(), axis: Some(axis) })
     }
 
-    /// ndarray, shape (3,): The point, or the centre of the ball or the rim, body frame, m.
+    /// A capsule fixed on a body, against a sphere or a cylinder that is seen from outside; without a radius an edge.
+    ///
+    /// It touches at the point of its segment next to the centre or the axis of the surface. Where that point comes to an end
+    /// of the segment, the second derivative of the gap jumps; where the segment is parallel to the axis, the point is not
+    /// determined. Against planes and from inside, the balls at its ends are all that touches.
+    ///
+    /// Parameters
+    /// ----------
+    /// ends : array_like, shape (2, 3)
+    ///     Ends of its segment, body frame, m.
+    /// radius : float
+    ///     Radius, m; may be 0.
+    /// surface : SphericalSurface or CylindricalSurface
+    ///     The surface, whose inside is solid.
+    /// law, friction, resistance
+    ///     As of a point.
+    ///
+    /// Examples
+    /// --------
+    /// A pole across a log:
+    ///
+    /// >>> import somersault
+    /// >>> from somersault import contact
+    /// >>> log = contact.CylindricalSurface((0, 0, 0), (0, 1, 0), 0.3)
+    /// >>> pole = contact.Contact.capsule([(-1, 0, 0), (1, 0, 0)], 0.05, log, contact.CompliantLaw(1e4))
+    /// >>> round(pole.gap(somersault.State((0.5, 0, 0.4)))[0], 6)
+    /// 0.05
+    #[staticmethod]
+    #[pyo3(signature = (ends, radius, surface, law, *, friction=None, resistance=None))]
+    fn capsule(
+        ends: &Bound<'_, PyAny>,
+        radius: f64,
+        surface: &Bound<'_, PyAny>,
+        law: &Bound<'_, PyAny>,
+        friction: Option<&Bound<'_, PyAny>>,
+        resistance: Option<&Bound<'_, PyAny>>,
+    ) -> Result<Self, Error> {
+        let given = with_shape("ends", &[2, 3], ends)?;
+        let ends = [Vector3::from_column_slice(&given[..3]), Vector3::from_column_slice(&given[3..])];
+        let against = built_in(surface)?;
+        let law = laws(law, friction, resistance)?;
+        let contact = contacts::Contact::try_capsule(ends, radius, against, law)?;
+        Ok(Self { contact, surface: surface.clone().unbind(), axis: None })
+    }
+
+    /// A box fixed on a body, against a sphere that is seen from outside.
+    ///
+    /// It touches at its point next to the centre of the sphere, on a face, an edge or a corner; where that changes, the second
+    /// derivative of the gap jumps. Against planes and from inside, its corners are all that touches.
+    ///
+    /// Parameters
+    /// ----------
+    /// size : array_like, shape (3,)
+    ///     Lengths of its edges, m.
+    /// surface : SphericalSurface
+    ///     The sphere, whose inside is solid.
+    /// law : CompliantLaw or HuntCrossley
+    ///     Law of the normal force.
+    /// center : array_like, shape (3,), optional
+    ///     Its centre, body frame, m; the centre of mass unless given.
+    /// orientation : Rotation or array_like, shape (4,), optional
+    ///     Rotation from its axes to those of the body; none unless given.
+    /// friction, resistance
+    ///     As of a point.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import somersault
+    /// >>> from somersault import contact
+    /// >>> dome = contact.SphericalSurface((0, 0, 0), 1.0)
+    /// >>> slab = contact.Contact.box((2.0, 2.0, 0.2), dome, contact.CompliantLaw(1e4))
+    /// >>> round(slab.gap(somersault.State((0.5, 0, 1.15)))[0], 6)
+    /// 0.05
+    #[staticmethod]
+    #[pyo3(signature = (size, surface, law, *, center=None, orientation=None, friction=None, resistance=None))]
+    fn r#box(
+        size: &Bound<'_, PyAny>,
+        surface: &Bound<'_, PyAny>,
+        law: &Bound<'_, PyAny>,
+        center: Option<&Bound<'_, PyAny>>,
+        orientation: Option<&Bound<'_, PyAny>>,
+        friction: Option<&Bound<'_, PyAny>>,
+        resistance: Option<&Bound<'_, PyAny>>,
+    ) -> Result<Self, Error> {
+        let turn = orientation
+            .map_or(Ok(UnitQuaternion::identity()), |turn| self::orientation("orientation", turn))?;
+        let place = (vector_or("center", center, Vector3::zeros())?, turn);
+        let against = built_in(surface)?;
+        let law = laws(law, friction, resistance)?;
+        let contact = contacts::Contact::try_box(vector("size", size)?, place, against, law)?;
+        Ok(Self { contact, surface: surface.clone().unbind(), axis: None })
+    }
+
+    /// ndarray, shape (3,): The point, or the centre of the ball, the rim, the capsule or the box, body frame, m.
     #[getter]
     fn point<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
         vector_array(py, self.contact.shape().centre())
@@ -236,12 +351,45 @@ impl Contact {
         resistance_law(py, self.contact.law())
     }
 
-    /// float or None: The radius of the ball or the rim, m.
+    /// float or None: The radius of the ball, the rim or the capsule, m.
     #[getter]
     fn radius(&self) -> Option<f64> {
         match self.contact.shape() {
-            Shape::Ball { radius, .. } | Shape::Rim { radius, .. } => Some(*radius),
-            _ => None,
+            Shape::Ball { radius, .. } | Shape::Rim { radius, .. } | Shape::Capsule { radius, .. } => {
+                Some(*radius)
+            }
+            Shape::Point(_) | Shape::Box { .. } => None,
+        }
+    }
+
+    /// ndarray, shape (2, 3), or None: The ends of the segment of the capsule, body frame, m.
+    #[getter]
+    fn ends<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        match self.contact.shape() {
+            Shape::Capsule { centre, half, .. } => {
+                let ends = [centre - half, centre + half];
+                let numbers = ends.iter().flatten().copied().collect();
+                Ok(Some(array(py, numbers, &[2, 3])?.into_any()))
+            }
+            Shape::Point(_) | Shape::Ball { .. } | Shape::Rim { .. } | Shape::Box { .. } => Ok(None),
+        }
+    }
+
+    /// ndarray, shape (3,), or None: The lengths of the edges of the box, m.
+    #[getter]
+    fn size<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyAny>> {
+        match self.contact.shape() {
+            Shape::Box { half, .. } => Some(vector_array(py, &(half * 2.0))),
+            Shape::Point(_) | Shape::Ball { .. } | Shape::Rim { .. } | Shape::Capsule { .. } => None,
+        }
+    }
+
+    /// ndarray, shape (3, 3), or None: The rotation matrix from the axes of the box to those of the body.
+    #[getter]
+    fn orientation<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        match self.contact.shape() {
+            Shape::Box { axes, .. } => matrix_array(py, axes).map(Some),
+            Shape::Point(_) | Shape::Ball { .. } | Shape::Rim { .. } | Shape::Capsule { .. } => Ok(None),
         }
     }
 
@@ -271,14 +419,36 @@ impl Contact {
     /// >>> tip.gap(somersault.State((0, 0, 1.5), velocity=(3.0, 0, -2.0)))
     /// (0.5, -2.0)
     fn gap(&self, py: Python<'_>, state: State) -> Result<(f64, f64), Error> {
-        let failure = Failure::default();
-        // Neither depends on mass and inertia.
-        let any = RigidBody::try_principal(1.0, Vector3::repeat(1.0))?;
-        let at = self.contact(py, &failure).encounter(&any, &state.0);
-        match failure.get() {
-            Some(error) => Err(error.clone_ref(py).into()),
-            None => Ok((at.gap, at.rate)),
-        }
+        self.encounter(py, &state).map(|at| (at.gap, at.rate))
+    }
+
+    /// The point of contact in a state of the body, and the normal there.
+    ///
+    /// Parameters
+    /// ----------
+    /// state : State
+    ///     The state.
+    ///
+    /// Returns
+    /// -------
+    /// point, normal : ndarray, shape (3,)
+    ///     The point of the body that is nearest to the surface, m, and the unit vector along which it is pushed, world frame.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import somersault
+    /// >>> from somersault import contact
+    /// >>> ball = contact.Contact.ball((0, 0, 0), 0.25, contact.HalfSpace(), contact.CompliantLaw(1e4))
+    /// >>> point, normal = ball.touch(somersault.State((1.0, 0, 0.5)))
+    /// >>> point, normal
+    /// (array([1.  , 0.  , 0.25]), array([0., 0., 1.]))
+    fn touch<'py>(
+        &self,
+        py: Python<'py>,
+        state: State,
+    ) -> Result<(Bound<'py, PyAny>, Bound<'py, PyAny>), Error> {
+        let at = self.encounter(py, &state)?;
+        Ok((vector_array(py, &at.point), vector_array(py, &at.normal)))
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
@@ -289,7 +459,8 @@ impl Contact {
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let (py, own) = (slf.py(), slf.get());
-        let shape = (own.point(py), own.axis(py), own.radius());
+        let extent = (own.ends(py)?, own.size(py), own.orientation(py)?);
+        let shape = (own.point(py), own.axis(py), own.radius(), extent);
         let arguments = (shape, own.surface(py), parts(py, own.contact.law())?);
         Ok((slf.get_type().getattr("_restore")?, arguments.into_pyobject(py)?))
     }
@@ -298,12 +469,19 @@ impl Contact {
     #[classmethod]
     fn _restore(
         _: &Bound<'_, PyType>,
-        shape: (Bound<'_, PyAny>, Option<Bound<'_, PyAny>>, Option<f64>),
+        shape: GivenShape<'_>,
         surface: &Bound<'_, PyAny>,
         laws: GivenLaws<'_>,
     ) -> Result<Self, Error> {
-        let (center, axis, radius) = shape;
+        let (center, axis, radius, (ends, size, orientation)) = shape;
         let (law, friction, resistance) = (&laws.0, laws.1.as_ref(), laws.2.as_ref());
+        if let Some(size) = size {
+            let (center, orientation) = (Some(&center), orientation.as_ref());
+            return Self::r#box(&size, surface, law, center, orientation, friction, resistance);
+        }
+        if let (Some(ends), Some(radius)) = (&ends, radius) {
+            return Self::capsule(ends, radius, surface, law, friction, resistance);
+        }
         match (axis, radius) {
             (Some(axis), Some(radius)) => {
                 Self::rim(&center, &axis, radius, surface, law, friction, resistance)

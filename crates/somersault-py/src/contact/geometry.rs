@@ -2,23 +2,25 @@
 
 use crate::contact::contacts::Contact;
 use crate::contact::laws::laws;
+use crate::contact::shapes::shape_of;
 use crate::contact::tree::LinkContact;
-use crate::core::convert::{finite_all, orientation, vector_or, with_shape};
+use crate::core::convert::{orientation, vector_or};
 use crate::core::error::Error;
-use crate::core::value::brief;
 use crate::multibody::robot::Robot;
 use pyo3::prelude::*;
 use somersault::contact::tree::{self, GeometryContacts};
 use somersault::integrators::nalgebra::{UnitQuaternion, Vector3};
-use somersault::multibody::geometry::GeometryShape;
+use std::path::PathBuf;
 
 /// The contacts of a box, a capsule, a cylinder or a sphere that is fixed in a link.
 ///
 /// A box touches with its 8 corners, ``name corner 1`` to ``name corner 8``, of which x changes first and z last; a capsule with the
 /// balls at its ends, ``name end 1`` (at −z) and ``name end 2``; a cylinder with its rims, ``name rim 1`` and ``name rim 2``, against a
-/// `HalfSpace`; a sphere with a ball, ``name``. Each has the laws for itself: a box on a face has four springs. Against a plane these are
-/// all that touches; edges and faces of a box and the middle of a capsule do not touch curved surfaces. A cylinder that stands
-/// flat is held by points that are not determined: a flat foot is a box.
+/// `HalfSpace`; a sphere with a ball, ``name``. Against a `SphericalSurface` from outside a box or a capsule touches with its
+/// nearest point, ``name``, and so does a capsule against a `CylindricalSurface`; a box touches that with its edges, ``name edge 1`` to
+/// ``name edge 12``, those along x first. Each has the laws for itself: a box on a face has four springs. These are all that touches planes,
+/// spheres and cylinders; against a surface by a function edges, faces and middles do not touch. A cylinder that stands flat, and a
+/// capsule along a cylinder, are held by points that are not determined: a flat foot is a box.
 ///
 /// Parameters
 /// ----------
@@ -82,26 +84,13 @@ pub(crate) fn shape_contacts(
     found.iter().map(|own| LinkContact::of(py, own, surface, on)).collect()
 }
 
-/// A shape as `Geometry.shape` and `Geometry.size` have it.
-fn shape_of(shape: &str, size: &Bound<'_, PyAny>) -> Result<GeometryShape, Error> {
-    let numbers = |count| finite_all("size", with_shape("size", &[count], size)?);
-    match shape {
-        "box" => Ok(GeometryShape::Box { size: Vector3::from_column_slice(&numbers(3)?) }),
-        "capsule" => numbers(2).map(|size| GeometryShape::Capsule { radius: size[0], length: size[1] }),
-        "cylinder" => numbers(2).map(|size| GeometryShape::Cylinder { radius: size[0], length: size[1] }),
-        "sphere" => numbers(1).map(|size| GeometryShape::Sphere { radius: size[0] }),
-        _ => Err(Error::input(format!(
-            "`shape` must be 'box', 'capsule', 'cylinder' or 'sphere', found '{}'",
-            brief(shape, 40)
-        ))),
-    }
-}
-
 /// The contacts of what a robot collides with: the collision elements of its file.
 ///
 /// Boxes, capsules, cylinders and spheres touch as in `shape_contacts`. The contacts of a link with one shape are called by its name,
-/// as in ``foot corner 3``; those of one with more ``link shape 1``, ``link shape 2`` and so on. Meshes, whose files are not opened, and
-/// ellipsoids are left out, and so are rims against anything but a plane.
+/// as in ``foot corner 3``; those of one with more ``link shape 1``, ``link shape 2`` and so on. Of a mesh the vertices of its convex hull
+/// touch, as points, ``name vertex 1`` and so on, if `meshes` says where its file is: STL or OBJ, of up to 50 000 different places and 512
+/// vertices of the hull; a mesh that is not convex touches as its hull does. Other meshes and ellipsoids are left out, and so are
+/// rims against anything but a plane.
 ///
 /// Parameters
 /// ----------
@@ -117,6 +106,9 @@ fn shape_of(shape: &str, size: &Bound<'_, PyAny>) -> Result<GeometryShape, Error
 ///     Resistance to rolling and spinning; none unless given.
 /// links : sequence of str, optional
 ///     The links that touch; all unless given.
+/// meshes : str or os.PathLike, optional
+///     The folder of the files of meshes, by the path that the robot's file has, after ``package://``, or that without its first part.
+///     Meshes are not opened unless given.
 /// on : str, optional
 ///     The body of the model that carries the surface, as of a `LinkContact`. It does not touch its own surface.
 ///
@@ -144,7 +136,7 @@ fn shape_of(shape: &str, size: &Bound<'_, PyAny>) -> Result<GeometryShape, Error
 /// >>> motion.events[0].contact
 /// 'shaft shape 1'
 #[pyfunction]
-#[pyo3(signature = (robot, surface, law, *, friction=None, resistance=None, links=None, on=None))]
+#[pyo3(signature = (robot, surface, law, *, friction=None, resistance=None, links=None, meshes=None, on=None))]
 pub(crate) fn link_contacts(
     py: Python<'_>,
     robot: &Robot,
@@ -153,13 +145,16 @@ pub(crate) fn link_contacts(
     friction: Option<&Bound<'_, PyAny>>,
     resistance: Option<&Bound<'_, PyAny>>,
     links: Option<Vec<String>>,
+    meshes: Option<PathBuf>,
     on: Option<&str>,
 ) -> Result<(Vec<LinkContact>, Vec<String>), Error> {
     let laws = laws(law, friction, resistance)?;
     let against = Contact::surface_given(surface)?;
     let (model, geometry) = robot.touched();
-    let GeometryContacts { contacts, left_out } =
-        tree::geometry_contacts(&model.get().model, geometry, links.as_deref(), &against, &laws)?;
+    let model = &model.get().model;
+    let found =
+        tree::geometry_contacts(model, geometry, links.as_deref(), meshes.as_deref(), &against, &laws)?;
+    let GeometryContacts { contacts, left_out } = found;
     let other = contacts.iter().filter(|own| Some(own.link()) != on);
     let contacts = other.map(|own| LinkContact::of(py, own, surface, on)).collect::<Result<_, _>>()?;
     Ok((contacts, left_out.iter().map(ToString::to_string).collect()))

@@ -3,7 +3,9 @@
 pub(crate) mod contacts;
 pub(crate) mod geometry;
 pub(crate) mod laws;
+pub(crate) mod platform;
 pub(crate) mod sensitivity;
+mod shapes;
 pub(crate) mod surface;
 pub(crate) mod system;
 pub(crate) mod touches;
@@ -23,6 +25,8 @@ pub(crate) mod module {
     use crate::contact::geometry::{link_contacts, shape_contacts};
     #[pymodule_export]
     use crate::contact::laws::{Resistance, damping_ratio, restitution};
+    #[pymodule_export]
+    use crate::contact::platform::{Platform, TreeOnPlatforms};
     #[pymodule_export]
     use crate::contact::sensitivity::{Sensitivities, differentiate};
     #[pymodule_export]

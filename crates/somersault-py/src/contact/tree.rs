@@ -4,9 +4,13 @@ use crate::contact::contacts::{Contact, GivenLaws};
 use crate::contact::laws::{
     Resistance, friction_law, laws, normal_law, normal_law_repr, parts, resistance_law,
 };
+use crate::contact::shapes::shape_of;
 use crate::contact::touches::Touches;
 use crate::core::callable::Failure;
-use crate::core::convert::{a_type, array, finite_all, sequence, vector_array, vector_or, with_shape};
+use crate::core::convert::{
+    a_type, array, components, finite_all, orientation, real_numbers, sequence, vector_array, vector_or,
+    with_shape,
+};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, brief, by_class, counted, few, value};
 use crate::multibody::given::Given;
@@ -18,10 +22,11 @@ use pyo3::types::{PyTuple, PyType};
 use somersault::contact::encounters::ContactState;
 use somersault::contact::event::EventKind;
 use somersault::contact::laws::ContactLaw;
+use somersault::contact::shape::Shape;
 use somersault::contact::tree::{self, MomentumLedger, TouchingState, TreeInContact};
 use somersault::integrators::augmented::Augmented;
 use somersault::integrators::events::{self, Hybrid};
-use somersault::integrators::nalgebra::Vector3;
+use somersault::integrators::nalgebra::{UnitQuaternion, Vector3};
 use somersault::multibody;
 use somersault::multibody::motion::{Coordinates, JointDrive, TreeForces, TreeSystem};
 
@@ -99,7 +104,7 @@ impl LinkContact {
     }
 }
 
-/// Two spheres fixed on two links of a tree, which touch under some laws, with a name.
+/// Two spheres fixed on two links of a tree, which touch under some laws, with a name; by `of_shapes` capsules and boxes too.
 ///
 /// Parameters
 /// ----------
@@ -129,8 +134,13 @@ pub(crate) struct LinkPair {
     pair: tree::LinkPair,
     radii: [f64; 2],
     centers: [Vector3<f64>; 2],
+    /// Names, sizes and orientations of shapes that are not spheres alone.
+    shapes: Option<[GivenShape; 2]>,
     law: ContactLaw,
 }
+
+/// The name of a shape, its size, and how it is turned in its link, as a quaternion x, y, z, w.
+type GivenShape = (String, Vec<f64>, [f64; 4]);
 
 value! {
     impl LinkPair {
@@ -138,9 +148,9 @@ value! {
         name: &str = |own| own.pair.name();
         /// tuple of str: The two bodies of the model.
         links: (&str, &str) = |own| own.pair.links().each_ref().map(String::as_str).into();
-        /// tuple of float: Radii of the spheres, m.
+        /// tuple of float: Radii of the spheres or capsules, m; 0 of a box.
         radii: (f64, f64) = |own| own.radii.into();
-        /// tuple of ndarray, shape (3,): Centres of the spheres, each in the frame of its link, m.
+        /// tuple of ndarray, shape (3,): Centres of the shapes, each in the frame of its link, m.
         centers: (Bound<'py, PyAny>, Bound<'py, PyAny>) =
             |own, py| own.centers.map(|center| vector_array(py, &center)).into();
         /// CompliantLaw or HuntCrossley: The law of the normal force.
@@ -171,7 +181,69 @@ impl LinkPair {
         let [first, second] = links;
         let [a, b] = [(first, centers[0], radii[0]), (second, centers[1], radii[1])];
         let pair = tree::LinkPair::try_new(name, a, b, law.clone())?;
-        Ok(Self { pair, radii, centers, law })
+        Ok(Self { pair, radii, centers, shapes: None, law })
+    }
+
+    /// A ball and a ball, a capsule or a box, or two capsules, fixed on two links.
+    ///
+    /// They touch at the points next to each other. Where such a point goes from a face of a box to an edge, or to the end of a
+    /// capsule, the second derivative of the gap jumps. Two capsules that become parallel are held by points that are not determined.
+    /// The distance of a box from a capsule or a box is not smooth: such pairs are refused.
+    ///
+    /// Parameters
+    /// ----------
+    /// name : str
+    ///     Name of the contact.
+    /// links : tuple of str
+    ///     The two bodies of the model.
+    /// shapes : tuple of (str, array_like)
+    ///     Each by its name, ``'sphere'``, ``'capsule'`` or ``'box'``, and its size, as of `shape_contacts`.
+    /// law : CompliantLaw or HuntCrossley
+    ///     Law of the normal force.
+    /// positions : tuple of array_like, shape (3,), optional
+    ///     Centres of the shapes, each in the frame of its link, m; the origins unless given.
+    /// orientations : tuple of Rotation or array_like, shape (4,), optional
+    ///     Rotations from the axes of the shapes to those of their links; none unless given.
+    /// friction : CoulombFriction or RegularisedFriction, optional
+    ///     Law of friction; none unless given.
+    /// resistance : Resistance, optional
+    ///     Resistance to rolling and spinning; none unless given.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import contact
+    /// >>> shapes = (("capsule", (0.05, 0.4)), ("capsule", (0.06, 0.3)))
+    /// >>> legs = contact.LinkPair.of_shapes("legs", ("left", "right"), shapes, contact.CompliantLaw(1e4))
+    /// >>> legs.radii
+    /// (0.05, 0.06)
+    #[staticmethod]
+    #[pyo3(signature = (name, links, shapes, law, *, positions=None, orientations=None, friction=None, resistance=None))]
+    fn of_shapes(
+        name: String,
+        links: [String; 2],
+        shapes: [(String, Bound<'_, PyAny>); 2],
+        law: &Bound<'_, PyAny>,
+        positions: Option<[Bound<'_, PyAny>; 2]>,
+        orientations: Option<[Bound<'_, PyAny>; 2]>,
+        friction: Option<&Bound<'_, PyAny>>,
+        resistance: Option<&Bound<'_, PyAny>>,
+    ) -> Result<Self, Error> {
+        let law = laws(law, friction, resistance)?;
+        let given = |i: usize| {
+            let (shape, size) = &shapes[i];
+            let at = vector_or("positions", positions.as_ref().map(|all| &all[i]), Vector3::zeros())?;
+            let turn = orientations.as_ref().map(|all| orientation("orientations", &all[i])).transpose()?;
+            Ok::<_, Error>((shape_of(shape, size)?, (at, turn.unwrap_or_default())))
+        };
+        let [(a, at_a), (b, at_b)] = [given(0)?, given(1)?];
+        let pair = tree::LinkPair::of_shapes(name, links, [(&a, at_a), (&b, at_b)], law.clone())?;
+        let named = |i: usize, turn: UnitQuaternion<f64>| {
+            let (shape, size) = &shapes[i];
+            Ok::<_, Error>((shape.clone(), real_numbers("shapes", size)?, components(&turn)))
+        };
+        let radii = pair.shapes().map(Shape::radius);
+        let shapes = Some([named(0, at_a.1)?, named(1, at_b.1)?]);
+        Ok(Self { pair, radii, centers: [at_a.0, at_b.0], shapes, law })
     }
 
     fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
@@ -183,7 +255,7 @@ impl LinkPair {
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyAny>, Bound<'py, PyTuple>)> {
         let (py, own) = (slf.py(), slf.get());
-        let spheres = (own.name(), own.links(), own.radii(), own.centers(py));
+        let spheres = (own.name(), own.links(), own.radii(), own.centers(py), own.shapes.clone());
         let arguments = (spheres, parts(py, &own.law)?).into_pyobject(py)?;
         Ok((slf.get_type().getattr("_restore")?, arguments))
     }
@@ -192,11 +264,20 @@ impl LinkPair {
     #[classmethod]
     fn _restore(
         _: &Bound<'_, PyType>,
-        spheres: (String, [String; 2], [f64; 2], [Bound<'_, PyAny>; 2]),
+        py: Python<'_>,
+        spheres: (String, [String; 2], [f64; 2], [Bound<'_, PyAny>; 2], Option<[GivenShape; 2]>),
         laws: GivenLaws<'_>,
     ) -> Result<Self, Error> {
-        let (name, links, radii, centers) = spheres;
-        Self::new(name, links, radii, &laws.0, Some(centers), laws.1.as_ref(), laws.2.as_ref())
+        let (name, links, radii, centers, shapes) = spheres;
+        let (law, friction, resistance) = (&laws.0, laws.1.as_ref(), laws.2.as_ref());
+        let Some([a, b]) = shapes else {
+            return Self::new(name, links, radii, law, Some(centers), friction, resistance);
+        };
+        let list =
+            |numbers: &[f64]| Ok::<_, Error>(array(py, numbers.to_vec(), &[numbers.len()])?.into_any());
+        let orientations = Some([list(&a.2)?, list(&b.2)?]);
+        let shapes = [(a.0, list(&a.1)?), (b.0, list(&b.1)?)];
+        Self::of_shapes(name, links, shapes, law, Some(centers), orientations, friction, resistance)
     }
 }
 
