@@ -126,7 +126,7 @@ def test_profiles_are_values() -> None:
         (([0.0, 1.0], [[1.0], [2.0]], "spline"), "`between` must be 'line' or 'hold', found 'spline'"),
     ):
         with pytest.raises(errors.InputError, match=message):
-            multibody.TorqueProfile(*wrong)  # type: ignore[arg-type]
+            multibody.TorqueProfile(*wrong)
     with pytest.raises(
         errors.InputError, match="`torque` must have 5 joint forces, found a TorqueProfile of 2"
     ):

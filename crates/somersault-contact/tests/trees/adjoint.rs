@@ -49,8 +49,7 @@ impl Weights {
         let of = |k: usize| {
             let column = if k < n { found.state.column(k) } else { found.parameters.column(k - n) };
             let by_end: f64 = end.iter().zip(column.iter()).map(|(w, x)| w * x).sum();
-            let rows =
-                self.times.iter().zip(found.event_times.column(k).into_iter()).filter(|(w, _)| **w != 0.0);
+            let rows = self.times.iter().zip(found.event_times.column(k)).filter(|(w, _)| **w != 0.0);
             by_end + rows.map(|(w, x)| w * x).sum::<f64>()
         };
         let all: Vec<f64> = (0..found.event_times.ncols()).map(of).collect();

@@ -52,10 +52,13 @@ impl<F: TreeForces, D: JointDrive> TreeSystem<'_, F, D> {
     }
 
     /// Goes along a parameter of the tree besides, after [`vary`](Self::vary): moves the links, and changes forces as if it were they that
-    /// change the accelerations.
+    /// change the accelerations. Of a body that there is not nothing changes.
     pub fn vary_parameter(&self, d: &mut TreeVariation, parameter: &TreeParameter) {
         let model = self.model();
         let TreeVariation { work, torque, wrenches, links, .. } = d;
+        if parameter.body() >= model.n_bodies() {
+            return;
+        }
         if let Some(wrench) = model.inertia_wrench(work, parameter) {
             wrenches[parameter.body()] += wrench;
         }

@@ -96,7 +96,9 @@ impl TreeAdjoint {
         system.vary_parameter(d, parameter);
         let by_torque: f64 = d.torque.iter().zip(&self.torque).map(|(change, weight)| change * weight).sum();
         let by_links: f64 = self.links.iter().zip(&d.links).map(|(weight, link)| product(weight, link)).sum();
-        by_torque + by_links + self.motions[parameter.body()].dot(&d.wrenches[parameter.body()])
+        let weights = self.motions.iter().zip(&d.wrenches);
+        let by_wrench = weights.map(|(motion, wrench)| motion.dot(wrench)).nth(parameter.body());
+        by_torque + by_links + by_wrench.unwrap_or(0.0)
     }
 
     /// Adds a covector on the tangent of the frame of body `link`, world axes.
@@ -158,8 +160,9 @@ impl TreeAdjoint {
         q: &Coordinates,
     ) {
         let acts = |weights: &[f64]| weights.iter().any(|weight| *weight != 0.0);
-        let is_driven = system.is_driven() && acts(&self.given);
-        if !is_driven && !(system.forces().depends_on_state() && acts(&self.torque)) {
+        let by_drive = system.is_driven() && acts(&self.given);
+        let by_forces = system.forces().depends_on_state() && acts(&self.torque);
+        if !(by_drive || by_forces) {
             return;
         }
         let Self { way, rate, torque, given, motions, unit, still, displacement, changes, wrenches, .. } =
