@@ -57,6 +57,9 @@ impl LinkContact {
     }
 }
 
+/// The centre of a shape in the frame of its link, and how it is turned.
+type Placed = (Vector3<f64>, UnitQuaternion<f64>);
+
 /// Two spheres on two links that touch under some laws, with a name; or a sphere and a capsule or a box, or two capsules.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LinkPair {
@@ -84,7 +87,7 @@ impl LinkPair {
     pub fn of_shapes(
         name: impl Into<String>,
         links: [impl Into<String>; 2],
-        shapes: [(&GeometryShape, (Vector3<f64>, UnitQuaternion<f64>)); 2],
+        shapes: [(&GeometryShape, Placed); 2],
         law: impl Into<ContactLaw>,
     ) -> Result<Self, ContactError> {
         let [first, second] = shapes.map(|(shape, place)| BodySphere::of_shape(0, shape, place));

@@ -185,7 +185,7 @@ mod tests {
     use nalgebra::UnitQuaternion;
 
     fn some(k: usize, axis: usize) -> f64 {
-        f64::sin(37.0 * k as f64 + 5.0 * axis as f64 + 0.3 * (k * k % 97) as f64)
+        f64::sin((37.0 + 11.3 * axis as f64) * k as f64 + 5.0 * axis as f64)
     }
 
     fn vector(k: usize) -> Vector3<f64> {

@@ -65,11 +65,12 @@ impl PlatformMotion {
             seen.push((t, motion(t - step)?, motion(t)?, motion(t + step)?));
         }
         type Of = fn(&PlatformMotion) -> Vector3<f64>;
+        type Between<'a> = &'a dyn Fn(&PlatformMotion, &PlatformMotion) -> Vector3<f64>;
         let rate = |of: Of| move |a: &Self, b: &Self| of(b) - of(a);
         let turn = |a: &Self, b: &Self| (b.orientation * a.orientation.inverse()).scaled_axis();
         let (of_place, of_velocity, of_spin) =
             (rate(|m| m.position), rate(|m| m.velocity), rate(|m| m.angular_velocity));
-        let rows: [(&'static str, Of, &dyn Fn(&Self, &Self) -> Vector3<f64>); 4] = [
+        let rows: [(&'static str, Of, Between<'_>); 4] = [
             ("velocity", |m| m.velocity, &of_place),
             ("acceleration", |m| m.acceleration, &of_velocity),
             ("angular_velocity", |m| m.angular_velocity, &turn),
@@ -79,8 +80,8 @@ impl PlatformMotion {
             let largest = seen.iter().fold(0.0_f64, |largest, (_, _, at, _)| largest.max(of(at).norm()));
             for (t, before, at, after) in &seen {
                 let (found, differences) = (of(at), difference(before, after) * (0.5 / step));
-                // NaN is no derivative either.
-                if !((found - differences).norm() <= TOLERANCE * largest + 1e-6) {
+                let off = (found - differences).norm();
+                if off.is_nan() || off > TOLERANCE * largest + 1e-6 {
                     let (found, differences) = (found.into(), differences.into());
                     return Err(ContactError::NoDerivative { argument, t: *t, found, differences }.into());
                 }
@@ -183,7 +184,7 @@ impl TreeOnPlatforms {
             })?;
         }
         for name in names {
-            builder.add(Link::child(*name, Self::STAND, Joint::Free, solid.clone()))?;
+            builder.add(Link::child(*name, Self::STAND, Joint::Free, solid))?;
         }
         let of_tree = [model.n_positions(), model.n_velocities()];
         Ok(Self { model: builder.build()?, of_tree, platforms: names.len() })
@@ -232,6 +233,7 @@ impl TreeOnPlatforms {
     }
 
     /// The tree under forces beside its platforms, of which `motion` says by time and number how they move.
+    #[expect(clippy::type_complexity, reason = "the function that drives the platforms has no name")]
     pub fn system<F: TreeForces>(
         &self,
         forces: F,

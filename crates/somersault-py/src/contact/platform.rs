@@ -56,6 +56,9 @@ value! {
     }
 }
 
+/// An array of numbers.
+type Numbers<'py> = Bound<'py, PyArrayDyn<f64>>;
+
 /// What a motion returned at a time.
 fn motion_at(motion: &Bound<'_, PyAny>, t: f64) -> Result<PlatformMotion, Error> {
     let found = motion.call1((t,))?;
@@ -206,7 +209,7 @@ impl TreeOnPlatforms {
         q: &Bound<'py, PyAny>,
         v: &Bound<'py, PyAny>,
         t: f64,
-    ) -> Result<(Bound<'py, PyArrayDyn<f64>>, Bound<'py, PyArrayDyn<f64>>), Error> {
+    ) -> Result<(Numbers<'py>, Numbers<'py>), Error> {
         let tree = &self.tree.get().model;
         let q = finite_all("q", with_shape("q", &[tree.n_positions()], q)?)?;
         let v = finite_all("v", with_shape("v", &[tree.n_velocities()], v)?)?;
@@ -245,7 +248,7 @@ impl TreeOnPlatforms {
         t: f64,
         q: Option<&Bound<'py, PyAny>>,
         v: Option<&Bound<'py, PyAny>>,
-    ) -> Result<Bound<'py, PyArrayDyn<f64>>, Error> {
+    ) -> Result<Numbers<'py>, Error> {
         let _ = (q, v);
         let motions = self.motions(py, finite("t", t)?)?;
         let mut out = vec![0.0; self.scene.model().n_velocities()];

@@ -141,6 +141,8 @@ pub(crate) struct LinkPair {
 
 /// The name of a shape, its size, and how it is turned in its link, as a quaternion x, y, z, w.
 type GivenShape = (String, Vec<f64>, [f64; 4]);
+/// Name, links, radii, centres and shapes of a pair, as a file has them.
+type GivenPair<'py> = (String, [String; 2], [f64; 2], [Bound<'py, PyAny>; 2], Option<[GivenShape; 2]>);
 
 value! {
     impl LinkPair {
@@ -265,7 +267,7 @@ impl LinkPair {
     fn _restore(
         _: &Bound<'_, PyType>,
         py: Python<'_>,
-        spheres: (String, [String; 2], [f64; 2], [Bound<'_, PyAny>; 2], Option<[GivenShape; 2]>),
+        spheres: GivenPair<'_>,
         laws: GivenLaws<'_>,
     ) -> Result<Self, Error> {
         let (name, links, radii, centers, shapes) = spheres;
