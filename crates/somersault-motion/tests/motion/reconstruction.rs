@@ -333,10 +333,11 @@ fn usual(truth: &Truth, set: &MarkerSet, seen: &MarkerRecording, cut: f64) -> (V
 }
 
 /// Errors of momentum frame by frame, of its mean, of the moment of inertia and of the angular velocity: as reconstructed, and by the usual way
-/// with the better of two filters.
+/// with the better of two filters; both know the size of the body.
 fn errors(truth: &Truth, set: &MarkerSet, share: f64, seed: u64) -> [[f64; 4]; 2] {
     let seen = record(truth, set, 0.03, share, 0.0, seed);
-    let flight = reconstruct(truth, set, &seen, ReconstructionOptions::default());
+    let options = ReconstructionOptions { scale: BodyScale::Known(SCALE), ..ReconstructionOptions::default() };
+    let flight = reconstruct(truth, set, &seen, options);
     let exact: Vec<_> = truth.q.iter().zip(&truth.v).map(|(q, v)| mechanics(truth, q, v)).collect();
     let miss = (flight.angular_momentum.value - truth.momentum).norm();
     let of_flight = [
