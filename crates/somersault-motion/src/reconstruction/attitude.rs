@@ -71,7 +71,11 @@ pub(super) struct Flown<'a> {
 }
 
 /// The flight at scale 1 that turns as `estimate` does.
-pub(super) fn flight_of<'m>(model: &'m Model, time: f64, estimate: &Estimate) -> Result<Flight<'m>, ReconstructionError> {
+pub(super) fn flight_of<'m>(
+    model: &'m Model,
+    time: f64,
+    estimate: &Estimate,
+) -> Result<Flight<'m>, ReconstructionError> {
     let Estimate { center, velocity, momentum, .. } = estimate;
     let take_off =
         TakeOff { time, center_of_mass: *center, velocity: *velocity, angular_momentum: *momentum };
@@ -89,7 +93,13 @@ pub(super) fn write_orientation(is_planar: bool, orientation: &UnitQuaternion<f6
 
 impl Flown<'_> {
     /// Configuration and velocity of joints and orientation of the root at `t` into `room`.
-    pub(super) fn pose(&self, estimate: &Estimate, t: f64, orientation: &UnitQuaternion<f64>, room: &mut Room) {
+    pub(super) fn pose(
+        &self,
+        estimate: &Estimate,
+        t: f64,
+        orientation: &UnitQuaternion<f64>,
+        room: &mut Room,
+    ) {
         let root = (self.model.positions_of(0).len(), self.model.velocities_of(0).len());
         let Room { q, v, channels, .. } = room;
         self.splines.evaluate(&estimate.coefficients, t, channels, &mut q[root.0..], &mut v[root.1..]);
@@ -142,7 +152,8 @@ impl Flown<'_> {
         for outwards in [1_i64, -1] {
             let mut current = first.clone();
             let mut i = reference;
-            while let Some(next) = i.checked_add_signed(outwards as isize).filter(|next| *next < times.len()) {
+            while let Some(next) = i.checked_add_signed(outwards as isize).filter(|next| *next < times.len())
+            {
                 let (from, to) = (times[i], times[next]);
                 let n_steps = ((to - from).abs() / LONGEST_STEP).ceil().max(1.0) as usize;
                 let h = (to - from) / n_steps as f64;
@@ -205,7 +216,8 @@ impl Flown<'_> {
         for c in 0..n {
             let (of_value, of_rate) = (factor * rate.by_channel[c], factor * rate.by_channel_rate[c]);
             for k in 0..ACTIVE {
-                let Some(knot) = (value.first + k).checked_sub(knots.start).filter(|k| *k < knots.len()) else {
+                let Some(knot) = (value.first + k).checked_sub(knots.start).filter(|k| *k < knots.len())
+                else {
                     continue;
                 };
                 let mut column = by.column_mut(self.layout.coefficients() + knot * n + c);

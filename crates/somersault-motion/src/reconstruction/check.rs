@@ -35,8 +35,7 @@ pub(super) fn full_dynamics_defect(
     let system = TreeSystem::new(model, ()).driven(Split::all_but_root(model), drive)?;
     let start = model.state(&configurations[..n_q], v)?;
     let interval = (times[0], times[times.len() - 1]);
-    let control =
-        Adaptive { max_step: splines.spacing(), ..Adaptive::with_tolerances(TOLERANCE, TOLERANCE) };
+    let control = Adaptive { max_step: splines.spacing(), ..Adaptive::with_tolerances(TOLERANCE, TOLERANCE) };
     let mut recorder = Recorder::new(interval.0, &start, 1).with_dense_output();
     let steps = Steps::adapted(interval, control);
     let run = Run::by_embedded_stepper(&system, &RungeKuttaMuntheKaas(Dop853), steps)

@@ -65,11 +65,9 @@ impl JointSplines {
             match (at.len(), rates.len()) {
                 (0, 0) => {}
                 (1, 1) => scalars.push((channel, at.start)),
-                (4, 3) => balls.push(Ball {
-                    channel,
-                    position: at.start,
-                    reference: so3::normalized_xyzw(&q[at]),
-                }),
+                (4, 3) => {
+                    balls.push(Ball { channel, position: at.start, reference: so3::normalized_xyzw(&q[at]) })
+                }
                 _ => {
                     let joint = model.joint(i).map_or("", |joint| joint.kind().name);
                     let body = model.name(i).unwrap_or_default().to_owned();
@@ -177,10 +175,17 @@ impl JointSplines {
 
     /// Derivatives by channels and their rates, of what has derivatives by displacements of the joints and by their
     /// velocities.
-    pub(super) fn by_channels(&self, at: &Channels, by_shape: &mut [Vector3<f64>], by_rate: &mut [Vector3<f64>]) {
+    pub(super) fn by_channels(
+        &self,
+        at: &Channels,
+        by_shape: &mut [Vector3<f64>],
+        by_rate: &mut [Vector3<f64>],
+    ) {
         for Ball { channel, .. } in &self.balls {
             let [turn, drift] = ball_partials(&of_ball(&at.value, *channel), &of_ball(&at.rate, *channel));
-            let columns = |of: &[Vector3<f64>]| Matrix3::from_columns(&[of[*channel], of[channel + 1], of[channel + 2]]);
+            let columns = |of: &[Vector3<f64>]| {
+                Matrix3::from_columns(&[of[*channel], of[channel + 1], of[channel + 2]])
+            };
             let (shape, rate) = (columns(by_shape), columns(by_rate));
             let (of_value, of_rate) = (shape * turn + rate * drift, rate * turn);
             for k in 0..3 {
@@ -194,7 +199,8 @@ impl JointSplines {
     pub(super) fn by_displacements(&self, at: &Channels, by_shape: &mut [Vector3<f64>]) {
         for Ball { channel, .. } in &self.balls {
             let turn = so3::right_jacobian(&of_ball(&at.value, *channel));
-            let shape = Matrix3::from_columns(&[by_shape[*channel], by_shape[channel + 1], by_shape[channel + 2]]);
+            let shape =
+                Matrix3::from_columns(&[by_shape[*channel], by_shape[channel + 1], by_shape[channel + 2]]);
             for (k, column) in (shape * turn).column_iter().enumerate() {
                 by_shape[channel + k] = column.into_owned();
             }

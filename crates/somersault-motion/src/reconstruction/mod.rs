@@ -79,7 +79,9 @@ pub enum ReconstructionError {
     #[error(transparent)]
     Recording(#[from] RecordingError),
     /// Joints are hinges, slides and balls.
-    #[error("the joints of a reconstructed flight are revolute, prismatic and spherical, but that of `{body}` is {joint}")]
+    #[error(
+        "the joints of a reconstructed flight are revolute, prismatic and spherical, but that of `{body}` is {joint}"
+    )]
     Joint {
         /// The body it carries.
         body: String,
@@ -95,7 +97,9 @@ pub enum ReconstructionError {
         found: usize,
     },
     /// Splines of so many knots take too much memory.
-    #[error("joints may have {limit} coefficients together, found {found}: the knots are too close for this recording")]
+    #[error(
+        "joints may have {limit} coefficients together, found {found}: the knots are too close for this recording"
+    )]
     TooManyUnknowns {
         /// Unknowns requested.
         found: usize,

@@ -39,7 +39,9 @@ impl MarkerNoise {
     }
 
     pub(super) fn validate(&self) -> Result<(), ReconstructionError> {
-        expect_range("size of the noise", self.size, "between 1e-9 and 1e3 m", |x| (1e-9..=1e3).contains(&x))?;
+        expect_range("size of the noise", self.size, "between 1e-9 and 1e3 m", |x| {
+            (1e-9..=1e3).contains(&x)
+        })?;
         expect_range("correlated share of the noise", self.correlated, "from 0 to 1", |x| {
             (0.0..=1.0).contains(&x)
         })?;

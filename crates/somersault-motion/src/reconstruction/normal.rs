@@ -186,14 +186,16 @@ impl Flown<'_> {
                         all.start.min(ranges[j].start)..all.end.max(ranges[j].end)
                     });
                     let head = self.layout.coefficients();
-                    let columns = head + range.start * self.layout.n_channels..head + range.end * self.layout.n_channels;
+                    let columns = head + range.start * self.layout.n_channels
+                        ..head + range.end * self.layout.n_channels;
                     let mut rows: Mat<f64> = Mat::zeros(head + columns.len(), chunk.len() * d);
                     for j in chunk.clone() {
                         let (i, step) = (seen[j], &steps[j]);
                         let at = (&attitudes[i], &placed[i]);
                         for (axis, mean) in means.iter_mut().enumerate() {
                             let mut out = rows.col_mut((j - first) * d + axis);
-                            let Some(out) = out.as_mut().try_as_col_major_mut().map(|c| c.as_slice_mut()) else {
+                            let Some(out) = out.as_mut().try_as_col_major_mut().map(|c| c.as_slice_mut())
+                            else {
                                 continue;
                             };
                             self.row(observed, estimate, frames.start + i, k, axis, at, knots, &range, out);
@@ -288,7 +290,13 @@ impl Flown<'_> {
 
 impl Normal {
     fn zero(n: usize) -> Self {
-        Self { matrix: Mat::zeros(n, n), gradient: vec![0.0; n], squares: 0.0, log_determinant: 0.0, n_measured: 0 }
+        Self {
+            matrix: Mat::zeros(n, n),
+            gradient: vec![0.0; n],
+            squares: 0.0,
+            log_determinant: 0.0,
+            n_measured: 0,
+        }
     }
 
     /// Adds the products of `rows`, a column for each residual, with themselves and with the residuals `white`: of the first `head`
@@ -329,9 +337,9 @@ fn remembered(seen: &[usize], steps: &[Whitening], reach: &[Range<usize>]) -> Ve
             earliest += 1;
         }
         let own = &reach[seen[j]];
-        let all = seen[earliest..j].iter().fold(own.clone(), |all, i| {
-            all.start.min(reach[*i].start)..all.end.max(reach[*i].end)
-        });
+        let all = seen[earliest..j]
+            .iter()
+            .fold(own.clone(), |all, i| all.start.min(reach[*i].start)..all.end.max(reach[*i].end));
         found.push(all);
         left[earliest..j].iter_mut().for_each(|x| *x *= 1.0 - step.gain);
         left[j] = step.gain;

@@ -55,16 +55,20 @@ impl Default for ReconstructionOptions {
 impl ReconstructionOptions {
     /// Fails where a number is out of range.
     pub(super) fn validate(&self) -> Result<(), ReconstructionError> {
-        let scale = |argument, x| {
-            expect_range(argument, x, "from 0.01 to 100", |x| (0.01..=100.0).contains(&x))
-        };
+        let scale =
+            |argument, x| expect_range(argument, x, "from 0.01 to 100", |x| (0.01..=100.0).contains(&x));
         expect_positive("knot_spacing", self.knot_spacing)?;
         match self.scale {
             BodyScale::Known(size) => scale("scale", size).map(|_| ())?,
             BodyScale::Sought { mean, deviation } => {
                 scale("mean of the scale", mean)?;
                 let least = |x: f64| x > 0.0 && x <= 0.3 * mean;
-                expect_range("deviation of the scale", deviation, "positive and at most 0.3 of its mean", least)?;
+                expect_range(
+                    "deviation of the scale",
+                    deviation,
+                    "positive and at most 0.3 of its mean",
+                    least,
+                )?;
             }
         }
         if let Some(threshold) = self.threshold {

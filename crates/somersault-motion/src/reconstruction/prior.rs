@@ -36,7 +36,8 @@ const GRAVITY: f64 = 1.0;
 
 impl Prior {
     pub(super) fn new(posture: &[f64], seen: &[bool], scale: (f64, f64)) -> Self {
-        let of = |values: [f64; 2]| seen.iter().map(|seen| if *seen { values[0] } else { values[1] }).collect();
+        let of =
+            |values: [f64; 2]| seen.iter().map(|seen| if *seen { values[0] } else { values[1] }).collect();
         Self {
             accelerations: of([ACCELERATION, UNSEEN_ACCELERATION]),
             ends: of(ENDS),
@@ -64,7 +65,8 @@ impl Prior {
                 let factor = 1.0 / (square * self.accelerations[c]);
                 let value = |k: usize| estimate.coefficients[(first + k) * n + c];
                 let residual = (value(0) - 2.0 * value(1) + value(2)) * factor;
-                let by = [(at(first, c), factor), (at(first + 1, c), -2.0 * factor), (at(first + 2, c), factor)];
+                let by =
+                    [(at(first, c), factor), (at(first + 1, c), -2.0 * factor), (at(first + 2, c), factor)];
                 rows.push((residual, by));
             }
         }

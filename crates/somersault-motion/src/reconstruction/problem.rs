@@ -121,7 +121,10 @@ impl FlightReconstruction {
 
     /// The flight of a recording. Markers of the recording that the model has not are ignored, those that the recording has not are
     /// missing; frames without markers at both ends are left out.
-    pub fn reconstruct(&self, recording: &MarkerRecording) -> Result<ReconstructedFlight, ReconstructionError> {
+    pub fn reconstruct(
+        &self,
+        recording: &MarkerRecording,
+    ) -> Result<ReconstructedFlight, ReconstructionError> {
         self.reconstruct_cancellable(recording, &CancellationToken::new())
     }
 
@@ -251,7 +254,8 @@ impl FlightReconstruction {
         };
         let (chi_squared, chi_squared_range) = self.chi_squared(&mut search, &covariance, &at, frame_noise);
         let flown_frames = self.frames(&mut search, &estimate, &covariance, &at)?;
-        let configurations: Vec<f64> = flown_frames.iter().flat_map(|frame| frame.q.iter().copied()).collect();
+        let configurations: Vec<f64> =
+            flown_frames.iter().flat_map(|frame| frame.q.iter().copied()).collect();
         let full_dynamics_defect = full_dynamics_defect(
             &self.model,
             splines,
@@ -345,7 +349,9 @@ impl FlightReconstruction {
         let variance = 2.0 / n_over.max(1.0);
         let (reference, variance) = match (self.options.noise, frame_noise) {
             (Some(given), _) => (Some(given.size), variance),
-            (None, Some(found)) => (Some(found.size.hypot(FOLLOWED)), variance + 2.0 * repeats / found.n_over),
+            (None, Some(found)) => {
+                (Some(found.size.hypot(FOLLOWED)), variance + 2.0 * repeats / found.n_over)
+            }
             (None, None) => (None, variance),
         };
         let width = TOLERANCE + MISFIT * variance.sqrt();
@@ -385,7 +391,8 @@ impl FlightReconstruction {
                 column += rate.by_momentum * turn;
             }
             flown.add_channels(&mut by_rate, &Matrix3::identity(), &rate, t, &knots);
-            let by_rate = placed.turn * (by_rate - somersault_core::lie::so3::hat(&rate.angular_velocity) * &by_attitude);
+            let by_rate = placed.turn
+                * (by_rate - somersault_core::lie::so3::hat(&rate.angular_velocity) * &by_attitude);
             let of_rate = &by_rate * covariance * by_rate.transpose();
             // configuration and velocity: those at scale 1 with the centre of mass at rest in the origin, moved and stretched
             flown.pose(estimate, t, &attitude.orientation, room);
@@ -423,8 +430,10 @@ impl FlightReconstruction {
             let direction = estimate.momentum.try_normalize(f64::MIN_POSITIVE).unwrap_or_else(Vector3::y);
             let inertia = inertia_of(model, &mut data, &q, &placed.turn)? * estimate.scale.powi(2);
             let moment = direction.dot(&(inertia * direction));
-            let by_moment = self.moment_gradient(search, estimate, &q, t, &direction, attitude, placed, &mut data)?;
-            let moment_of_inertia_deviation = (&by_moment * covariance * by_moment.transpose())[(0, 0)].sqrt();
+            let by_moment =
+                self.moment_gradient(search, estimate, &q, t, &direction, attitude, placed, &mut data)?;
+            let moment_of_inertia_deviation =
+                (&by_moment * covariance * by_moment.transpose())[(0, 0)].sqrt();
             found.push(FlightFrame {
                 time: t,
                 q,

@@ -214,8 +214,8 @@ impl<'a> Search<'a> {
         let mut known: Option<Range<usize>> = None;
         loop {
             let times = &self.observed.times;
-            let frames = times.partition_point(|t| *t < middle - half)
-                ..times.partition_point(|t| *t <= middle + half);
+            let frames =
+                times.partition_point(|t| *t < middle - half)..times.partition_point(|t| *t <= middle + half);
             let knots = self.knots(&frames);
             if let Some(known) = &known {
                 self.continue_joints(known, &knots);
@@ -339,7 +339,11 @@ impl<'a> Search<'a> {
 
     /// Restricted maximum likelihood for the noise: the evidence of the linearised problem, in which the residuals have lost
     /// what the unknowns could follow.
-    fn estimate_noise(&mut self, from: MarkerNoise, at: &Linearized) -> Result<MarkerNoise, ReconstructionError> {
+    fn estimate_noise(
+        &mut self,
+        from: MarkerNoise,
+        at: &Linearized,
+    ) -> Result<MarkerNoise, ReconstructionError> {
         let times = &self.observed.times;
         let spacing = (times[times.len() - 1] - times[0]) / (times.len() - 1) as f64;
         let longest = (times[times.len() - 1] - times[0]) / 3.0;
@@ -348,7 +352,8 @@ impl<'a> Search<'a> {
             correlated: 1.0 / (1.0 + (-share).exp()),
             time: time.exp().clamp(spacing, longest.max(spacing)),
         };
-        let begun = if from.correlated > 0.0 { from } else { MarkerNoise { correlated: 0.5, time: 0.1, ..from } };
+        let begun =
+            if from.correlated > 0.0 { from } else { MarkerNoise { correlated: 0.5, time: 0.1, ..from } };
         let share = begun.correlated.clamp(0.01, 0.99);
         let mut best = [(share / (1.0 - share)).ln(), begun.time.ln()];
         let mut found = self.evidence(of(best, from.size), at)?;
@@ -472,8 +477,7 @@ mod tests {
     fn derivatives_of_the_squares_are_their_differences() {
         let model = tree();
         let places = [("torso", [0.1, 0.0, 0.2]), ("arm", [0.0, 0.05, -0.4]), ("leg", [0.05, 0.0, -0.6])];
-        let markers =
-            MarkerSet::on_bodies(&model, places.map(|(body, place)| (body, body, place))).unwrap();
+        let markers = MarkerSet::on_bodies(&model, places.map(|(body, place)| (body, body, place))).unwrap();
         let splines = JointSplines::try_new(&model, &model.neutral(), (0.0, 0.4), 4).unwrap();
         let layout = Layout::new(&model, &splines, true, true);
         let mut rng = ChaCha8Rng::seed_from_u64(5);

@@ -40,7 +40,8 @@ pub(super) struct Layout {
 impl Layout {
     pub(super) fn new(model: &Model, splines: &JointSplines, has_scale: bool, has_gravity: bool) -> Self {
         let is_planar = model.joint(0).map(Joint::group) == Some(Group::PlanarMotions);
-        let rotation: Matrix3<f64> = model.placement(0).map_or(Matrix3::identity(), |placement| placement.rotation);
+        let rotation: Matrix3<f64> =
+            model.placement(0).map_or(Matrix3::identity(), |placement| placement.rotation);
         let column = |k: usize| rotation.column(k).into_owned();
         let (axes, turns) = if is_planar {
             (vec![column(0), column(1)], vec![column(2)])
@@ -113,7 +114,10 @@ impl Layout {
         moved.gravity += self.gravity().map_or(0.0, |k| step[k]);
         let coefficients = &step[self.coefficients()..];
         let at = first * self.n_channels;
-        moved.coefficients[at..at + coefficients.len()].iter_mut().zip(coefficients).for_each(|(c, x)| *c += x);
+        moved.coefficients[at..at + coefficients.len()]
+            .iter_mut()
+            .zip(coefficients)
+            .for_each(|(c, x)| *c += x);
         moved
     }
 }

@@ -155,7 +155,14 @@ fn markers(model: &Model) -> MarkerSet {
 }
 
 /// Where the markers are, with noise of which a share is correlated over 0.15 s.
-fn record(truth: &Truth, set: &MarkerSet, noise: f64, share: f64, missing: f64, seed: u64) -> MarkerRecording {
+fn record(
+    truth: &Truth,
+    set: &MarkerSet,
+    noise: f64,
+    share: f64,
+    missing: f64,
+    seed: u64,
+) -> MarkerRecording {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut data = Data::new(&truth.model);
     let n = set.markers().len();
@@ -224,7 +231,8 @@ fn rms(numbers: impl Iterator<Item = f64>) -> f64 {
 fn all_off(truth: &Truth, flight: &ReconstructedFlight) -> Vec<f64> {
     let first = &truth.q[0];
     let (mut data, model) = (Data::new(&truth.model), &truth.model);
-    let velocity = model.centroidal(&mut data, first).unwrap().momentum(&truth.v[0]).unwrap().linear / model.mass();
+    let velocity =
+        model.centroidal(&mut data, first).unwrap().momentum(&truth.v[0]).unwrap().linear / model.mass();
     let mut found = off(&flight.angular_momentum.value, &truth.momentum, &flight.angular_momentum.deviation);
     found.extend(off(&flight.velocity.value, &velocity, &flight.velocity.deviation));
     found.push(((flight.scale[0] - SCALE) / flight.scale[1]).abs());
@@ -276,7 +284,8 @@ fn momentum_is_constant_and_the_centre_of_mass_falls_whatever_the_noise() {
         let momentum = momentum.angular * squared;
         assert!((momentum - flight.angular_momentum.value).norm() < 1e-10 * momentum.norm());
         let t = frame.time - flight.frames[0].time;
-        let fallen = flight.center_of_mass.value + flight.velocity.value * t - Vector3::z() * (0.5 * 9.81 * t * t);
+        let fallen =
+            flight.center_of_mass.value + flight.velocity.value * t - Vector3::z() * (0.5 * 9.81 * t * t);
         assert!((frame.center_of_mass - fallen).norm() < 1e-12);
     }
 }
@@ -336,7 +345,8 @@ fn usual(truth: &Truth, set: &MarkerSet, seen: &MarkerRecording, cut: f64) -> (V
 /// with the better of two filters; both know the size of the body.
 fn errors(truth: &Truth, set: &MarkerSet, share: f64, seed: u64) -> [[f64; 4]; 2] {
     let seen = record(truth, set, 0.03, share, 0.0, seed);
-    let options = ReconstructionOptions { scale: BodyScale::Known(SCALE), ..ReconstructionOptions::default() };
+    let options =
+        ReconstructionOptions { scale: BodyScale::Known(SCALE), ..ReconstructionOptions::default() };
     let flight = reconstruct(truth, set, &seen, options);
     let exact: Vec<_> = truth.q.iter().zip(&truth.v).map(|(q, v)| mechanics(truth, q, v)).collect();
     let miss = (flight.angular_momentum.value - truth.momentum).norm();
@@ -373,7 +383,10 @@ fn gains(truth: &Truth, share: f64, seeds: std::ops::Range<u64>) -> [f64; 4] {
 fn momentum_is_found_several_times_better_than_by_filters_and_differences() {
     let truth = dive(&Diver::planar());
     let found = gains(&truth, 0.7, 2..4);
-    println!("correlated: momentum {:.1}, mean {:.1}, inertia {:.1}, angular velocity {:.1}", found[0], found[1], found[2], found[3]);
+    println!(
+        "correlated: momentum {:.1}, mean {:.1}, inertia {:.1}, angular velocity {:.1}",
+        found[0], found[1], found[2], found[3]
+    );
     assert!(found[0] > 4.0, "{found:?}");
 }
 
@@ -385,7 +398,10 @@ fn gains_over_filters_and_differences() {
         let n = if diver == Diver::planar() { 10 } else { 2 };
         for share in [0.0, 0.7] {
             let [momentum, mean, inertia, rate] = gains(&truth, share, 0..n);
-            println!("{:?} {share}: momentum {momentum:.1}, mean {mean:.1}, inertia {inertia:.1}, angular velocity {rate:.1}", diver.dimension);
+            println!(
+                "{:?} {share}: momentum {momentum:.1}, mean {mean:.1}, inertia {inertia:.1}, angular velocity {rate:.1}",
+                diver.dimension
+            );
         }
     }
 }
@@ -395,7 +411,8 @@ fn gains_over_filters_and_differences() {
 fn intervals_hold_the_truth_as_often_as_they_say() {
     for (truth, n) in [(dive(&Diver::planar()), 60), (gymnast(), 60)] {
         let set = markers(&truth.model);
-        let (mut of_momentum, mut of_velocity, mut of_all, mut successes) = (Vec::new(), Vec::new(), Vec::new(), 0);
+        let (mut of_momentum, mut of_velocity, mut of_all, mut successes) =
+            (Vec::new(), Vec::new(), Vec::new(), 0);
         for seed in 100..100 + n {
             let seen = record(&truth, &set, 0.03, 0.7, 0.02, seed);
             let flight = reconstruct(&truth, &set, &seen, ReconstructionOptions::default());
@@ -409,7 +426,10 @@ fn intervals_hold_the_truth_as_often_as_they_say() {
         }
         let within = |off: &[f64]| off.iter().filter(|z| **z < 1.96).count() as f64 / off.len() as f64;
         let found = [within(&of_momentum), within(&of_velocity), within(&of_all)];
-        println!("momentum {:.3}, velocity {:.3}, all {:.3}; {successes} of {n} successes", found[0], found[1], found[2]);
+        println!(
+            "momentum {:.3}, velocity {:.3}, all {:.3}; {successes} of {n} successes",
+            found[0], found[1], found[2]
+        );
         assert!(found.iter().all(|x| (0.88..=0.995).contains(x)), "{found:?}");
     }
 }
@@ -438,7 +458,8 @@ fn outliers_are_trusted_less() {
     let set = markers(&truth.model);
     let seen = record(&truth, &set, 0.01, 0.0, 0.0, 3);
     let n = seen.n_markers();
-    let shifted = |(k, p): (usize, &Option<Vector3<f64>>)| p.map(|p| if k % 41 == 7 { p + Vector3::x() } else { p });
+    let shifted =
+        |(k, p): (usize, &Option<Vector3<f64>>)| p.map(|p| if k % 41 == 7 { p + Vector3::x() } else { p });
     let points: Vec<_> = seen.frames().flatten().enumerate().map(shifted).collect();
     assert_eq!(points.len(), n * truth.times.len());
     let wrong = MarkerRecording::try_new(seen.names().to_vec(), truth.times.clone(), points).unwrap();
@@ -458,7 +479,8 @@ fn joints_that_no_marker_sees_are_named() {
     let kept = all.markers().iter().filter(|marker| marker.name != "shank 1").cloned().collect();
     let set = MarkerSet::try_new(&truth.model, kept).unwrap();
     let seen = record(&truth, &set, 0.01, 0.0, 0.0, 3);
-    let options = ReconstructionOptions { scale: BodyScale::Known(SCALE), ..ReconstructionOptions::default() };
+    let options =
+        ReconstructionOptions { scale: BodyScale::Known(SCALE), ..ReconstructionOptions::default() };
     let flight = reconstruct(&truth, &set, &seen, options);
     let knee = truth.model.velocities_of(truth.model.body("shank").unwrap()).start;
     assert_eq!(flight.unseen, [knee]);
@@ -489,13 +511,18 @@ fn what_cannot_be_reconstructed_is_said_by_name() {
         "`max_iterations` must be at least 1, found 0"
     );
     assert_eq!(
-        refused(ReconstructionOptions { scale: BodyScale::Sought { mean: 1.0, deviation: 0.5 }, ..default() }),
+        refused(ReconstructionOptions {
+            scale: BodyScale::Sought { mean: 1.0, deviation: 0.5 },
+            ..default()
+        }),
         "`deviation of the scale` must be positive and at most 0.3 of its mean, found 0.5"
     );
     let arm = somersault_multibody::models::TwoLinkArm::default().model().unwrap();
     let held = FlightReconstruction::try_new(&arm, MarkerSet::joint_centres(&arm).unwrap(), default());
     assert!(matches!(held, Err(ReconstructionError::Flight(_))));
-    let run = |options| FlightReconstruction::try_new(&truth.model, set.clone(), options).unwrap().reconstruct(&seen);
+    let run = |options| {
+        FlightReconstruction::try_new(&truth.model, set.clone(), options).unwrap().reconstruct(&seen)
+    };
     let short = run(ReconstructionOptions { interval: Some((0.0, 0.1)), ..default() });
     assert_eq!(short, Err(ReconstructionError::TooFewFrames { least: 10, found: 6 }));
     let fine = run(ReconstructionOptions { knot_spacing: 1e-9, ..default() });
@@ -503,7 +530,8 @@ fn what_cannot_be_reconstructed_is_said_by_name() {
     let names = (0..seen.n_markers()).map(|k| format!("other {k}")).collect();
     let points = seen.frames().flatten().copied().collect();
     let other = MarkerRecording::try_new(names, truth.times.clone(), points).unwrap();
-    let found = FlightReconstruction::try_new(&truth.model, set.clone(), default()).unwrap().reconstruct(&other);
+    let found =
+        FlightReconstruction::try_new(&truth.model, set.clone(), default()).unwrap().reconstruct(&other);
     assert!(matches!(found, Err(ReconstructionError::Fit(FitError::NoCommonMarker { .. }))));
     let token = somersault_core::cancel::CancellationToken::new();
     token.cancel();

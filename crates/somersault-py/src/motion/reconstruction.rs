@@ -124,7 +124,9 @@ fn scale_of(value: &Bound<'_, PyAny>) -> Result<BodyScale, Error> {
         (_, Ok((mean, deviation))) => Ok(BodyScale::Sought { mean, deviation }),
         _ => {
             let found = a_type(value);
-            Err(Error::input(format!("`scale` must be a number, or a mean and a standard deviation, found {found}")))
+            Err(Error::input(format!(
+                "`scale` must be a number, or a mean and a standard deviation, found {found}"
+            )))
         }
     }
 }
@@ -306,7 +308,9 @@ impl ReconstructedFlight {
         let [lower, upper] = flight.chi_squared_range;
         let mut text = match (flight.status, flight.chi_squared) {
             (ReconstructionStatus::Converged, Some(x)) => {
-                format!("converged; χ² per degree of freedom is {x:.2}, and the full equations of motion agree")
+                format!(
+                    "converged; χ² per degree of freedom is {x:.2}, and the full equations of motion agree"
+                )
             }
             (ReconstructionStatus::Converged, None) => {
                 "converged, but the markers are too few to say whether the laws of flight hold".to_owned()
@@ -376,7 +380,8 @@ impl ReconstructedFlight {
             let row: Vec<f64> = row.iter().copied().collect();
             unpacked(&row, &markers.get().model.get().model, markers.get().markers.markers().len())
         });
-        let quantity = |[value, deviation]: [[f64; 3]; 2]| Quantity { value: value.into(), deviation: deviation.into() };
+        let quantity =
+            |[value, deviation]: [[f64; 3]; 2]| Quantity { value: value.into(), deviation: deviation.into() };
         let [angular_momentum, center_of_mass, velocity] = quantities.map(quantity);
         let flight = Flight {
             status: status_of(&ReconstructionStatus::ALL, status)?,
