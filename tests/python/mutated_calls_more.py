@@ -523,7 +523,9 @@ comparison = motion.GroupComparison({"a": [fitted], "b": [fitted]}, "marker_erro
 comparison.series("a")
 comparison.bands()
 motion.reconstruct_flight(
-    motion.MarkerSet(somersault.Model([multibody.Link("body", "free", mass=1.0, inertia=np.eye(3))]), {"a": (0, (0, 0, 0))}),
+    motion.MarkerSet(
+        somersault.Model([multibody.Link("body", "free", mass=1.0, inertia=np.eye(3))]), {"a": (0, (0, 0, 0))}
+    ),
     recording,
     knot_spacing=0.2,
     scale=1.0,

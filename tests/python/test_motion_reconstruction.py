@@ -116,7 +116,7 @@ def test_what_is_no_flight_is_not_called_a_success() -> None:
         ({"scale": (1.0, 2.0)}, "`deviation of the scale` must be positive and at most"),
         ({"scale": "large"}, "`scale` must be a number, or a mean and a standard deviation"),
         ({"noise": -1.0}, "`size of the noise` must be between"),
-        ({"noise": (0.1, 2.0, 0.1)}, "`correlated share of the noise` must be from 0 to 1"),
+        ({"noise": (0.1, 2.0, 0.1)}, "`correlated fraction of the noise` must be from 0 to 1"),
         ({"noise": [1]}, "`noise` must be a standard deviation"),
         ({"threshold": 0.0}, "`threshold` must be from 1 to 1000"),
         ({"interval": (1.0, 0.0)}, "`end of the interval` must be after its start"),

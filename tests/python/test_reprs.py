@@ -187,7 +187,7 @@ def fit() -> motion.MotionFit:
 
 
 @cache
-def flight() -> motion.ReconstructedFlight:
+def reconstructed() -> motion.ReconstructedFlight:
     t = np.linspace(0.0, 0.4, 21)
     straight = multibody.diver_planar().configuration("A")
     q = np.tile(straight, (21, 1))
@@ -339,7 +339,7 @@ MADE: dict[str, Callable[[], Any]] = {
     "MarkerRecording": lambda: motion.MarkerRecording(["hip"], TIMES, np.zeros((20, 1, 3))),
     "MarkerSet": lambda: motion.MarkerSet.joint_centres(ARM),
     "MotionFit": fit,
-    "ReconstructedFlight": flight,
+    "ReconstructedFlight": reconstructed,
     "Pca": lambda: motion.Pca(np.eye(3)),
     "Performance": lambda: dives().performances()[0],
     "Perturbation": lambda: motion.Perturbation(exit_delay=1 / 300, looseness=1 / 7, wobble=1 / 3),

@@ -477,7 +477,9 @@ class ReconstructedFlight:
     @property
     def status(
         self,
-    ) -> Literal["converged", "iteration_limit", "no_progress", "undetermined", "misfit", "not_confirmed"]: ...
+    ) -> Literal[
+        "converged", "iteration_limit", "no_progress", "undetermined", "misfit", "not_confirmed"
+    ]: ...
     @property
     def success(self) -> bool: ...
     @property

@@ -20,7 +20,7 @@ const LONGEST_STEP: f64 = 0.0051;
 pub(super) struct Attitude {
     /// In the joint frame of the root.
     pub(super) orientation: UnitQuaternion<f64>,
-    /// Displacement in axes of the root by the unknowns, 3 × n, if it was asked for.
+    /// Displacement in axes of the root by the unknowns, 3 × n, if it was requested.
     pub(super) by_unknowns: Option<Matrix3xX<f64>>,
 }
 

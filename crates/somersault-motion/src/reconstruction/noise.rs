@@ -1,6 +1,6 @@
 //! The noise of markers: white, and correlated in time.
 //!
-//! Each coordinate of a marker of weight c errs by σ/√c times n, where n has the variance 1, of which a share κ is correlated over
+//! Each coordinate of a marker of weight c errs by σ/√c times n, where n has the variance 1, of which a fraction κ is correlated over
 //! the time τ:
 //!
 //! ```text
@@ -26,7 +26,7 @@ use somersault_core::argument::{expect_positive, expect_range};
 pub struct MarkerNoise {
     /// Standard deviation σ of each coordinate of a marker of weight 1, m.
     pub size: f64,
-    /// Share κ of the variance that is correlated in time, from 0 to 1.
+    /// Fraction κ of the variance that is correlated in time, from 0 to 1.
     pub correlated: f64,
     /// Time τ over which it is, s.
     pub time: f64,
@@ -42,7 +42,7 @@ impl MarkerNoise {
         expect_range("size of the noise", self.size, "between 1e-9 and 1e3 m", |x| {
             (1e-9..=1e3).contains(&x)
         })?;
-        expect_range("correlated share of the noise", self.correlated, "from 0 to 1", |x| {
+        expect_range("correlated fraction of the noise", self.correlated, "from 0 to 1", |x| {
             (0.0..=1.0).contains(&x)
         })?;
         expect_positive("time of the noise", self.time)?;
@@ -78,7 +78,7 @@ impl Whitening {
     }
 }
 
-/// The least share of the variance that is white: frames never repeat each other.
+/// The least fraction of the variance that is white: frames never repeat each other.
 const LEAST_WHITE: f64 = 1e-3;
 
 /// The filter of a marker over the times of the frames that have it, and Σ ln S; `trust` is 1, or less for points that count less.
@@ -111,12 +111,12 @@ mod tests {
     fn innovations_have_the_squares_and_the_determinant_of_the_covariance() {
         let noise = MarkerNoise { size: 1.0, correlated: 0.7, time: 0.15 };
         // a gap, uneven frames, and a point that counts half
-        let times = [0.0, 0.01, 0.02, 0.05, 0.06, 0.075];
+        let times: [f64; 6] = [0.0, 0.01, 0.02, 0.05, 0.06, 0.075];
         let trust = [1.0, 1.0, 0.5, 1.0, 1.0, 1.0];
         let x = DVector::from_fn(6, |i, _| (3.0 * i as f64).sin());
         let covariance = DMatrix::from_fn(6, 6, |i, j| {
             let white = if i == j { 1.0 / trust[i] - 0.7 } else { 0.0 };
-            white + 0.7 * (-(times[i] - times[j] as f64).abs() / 0.15).exp()
+            white + 0.7 * (-(times[i] - times[j]).abs() / 0.15).exp()
         });
         let (steps, log) = whitening(&noise, times.into_iter().zip(trust));
         let (mut mean, mut squares) = (0.0, 0.0);

@@ -33,7 +33,7 @@ pub(super) struct Placed {
     pub(super) center: Vector3<f64>,
     /// The markers from the centre of mass, world axes, at scale 1.
     pub(super) arms: Vec<Vector3<f64>>,
-    /// Derivatives of the arms by the channels, marker by marker; empty if they were not asked for.
+    /// Derivatives of the arms by the channels, marker by marker; empty if they were not requested.
     by_channel: Vec<Vector3<f64>>,
 }
 

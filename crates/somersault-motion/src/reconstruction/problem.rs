@@ -151,7 +151,7 @@ impl FlightReconstruction {
         for fraction in REFERENCES {
             let reference = fits.reference(&times, fraction);
             let observed = Observed { times: times.clone(), reference, points: points.clone() };
-            let flight = self.from_reference(&fits, &observed, n_intervals as usize, token)?;
+            let flight = self.beginning_at(&fits, &observed, n_intervals as usize, token)?;
             let misfit = |flight: &ReconstructedFlight| flight.chi_squared.unwrap_or(flight.noise.size);
             if best.as_ref().is_none_or(|best| misfit(&flight) < misfit(best)) {
                 best = Some(flight);
@@ -182,7 +182,7 @@ impl FlightReconstruction {
     }
 
     /// The flight that is found from one reference.
-    fn from_reference(
+    fn beginning_at(
         &self,
         fits: &FrameFits,
         observed: &Observed,

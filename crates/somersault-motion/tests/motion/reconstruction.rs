@@ -1,4 +1,4 @@
-//! Flights are reconstructed from markers of flights that were flown by other means: by the full equations of motion, with joints that
+//! Flights are reconstructed from markers of flights that the full equations of motion flew, with joints that
 //! are no splines.
 
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
@@ -154,7 +154,7 @@ fn markers(model: &Model) -> MarkerSet {
     MarkerSet::on_bodies(model, all).unwrap()
 }
 
-/// Where the markers are, with noise of which a share is correlated over 0.15 s.
+/// Where the markers are, with noise of which a fraction is correlated over 0.15 s.
 fn record(
     truth: &Truth,
     set: &MarkerSet,
@@ -224,7 +224,7 @@ fn off(found: &Vector3<f64>, truth: &Vector3<f64>, deviation: &Vector3<f64>) -> 
 /// Root mean square of a row of numbers.
 fn rms(numbers: impl Iterator<Item = f64>) -> f64 {
     let (sum, n) = numbers.fold((0.0, 0.0), |(sum, n), x| (sum + x * x, n + 1.0));
-    (sum / n as f64).sqrt()
+    (sum / n).sqrt()
 }
 
 /// By how many standard deviations momentum, velocity, scale, angular velocity, moment of inertia and joints are off.

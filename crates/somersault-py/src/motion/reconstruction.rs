@@ -45,7 +45,7 @@ use somersault::motion::reconstruction::{
 /// threshold : float or None, optional
 ///     Distance in standard deviations from which on a marker counts less (Huber's loss); None counts squares.
 /// noise : float or tuple of float, optional
-///     The noise of each coordinate of a marker of weight 1 if it is known: the standard deviation of white noise, m; or this, the share of
+///     The noise of each coordinate of a marker of weight 1 if it is known: the standard deviation of white noise, m; or this, the fraction of
 ///     the variance that is correlated, and the time over which it is, s. It is estimated unless given.
 /// interval : tuple of float, optional
 ///     First and last time that belong to the flight, s.
@@ -138,7 +138,7 @@ fn noise_of(value: &Bound<'_, PyAny>) -> Result<MarkerNoise, Error> {
         _ => {
             let found = a_type(value);
             Err(Error::input(format!(
-                "`noise` must be a standard deviation, or this with the share that is correlated and its time, found {found}"
+                "`noise` must be a standard deviation, or this with the fraction that is correlated and its time, found {found}"
             )))
         }
     }
@@ -249,7 +249,7 @@ value! {
         gravity_deviation: f64 = |own| own.flight.gravity[1];
         /// ndarray, shape (11, 11): Covariance of angular momentum, centre of mass and its velocity in the first frame, scale and gravity.
         covariance: PyResult<Bound<'py, PyAny>> = |own, py| matrix_array(py, &own.flight.covariance);
-        /// tuple of float: The noise: standard deviation of a coordinate of a marker of weight 1, m; share of the variance that is correlated; the time
+        /// tuple of float: The noise: standard deviation of a coordinate of a marker of weight 1, m; fraction of the variance that is correlated; the time
         /// over which it is, s.
         noise: (f64, f64, f64) =
             |own| (own.flight.noise.size, own.flight.noise.correlated, own.flight.noise.time);
