@@ -18,7 +18,7 @@
 //! hold the truth in half of all cases.
 //!
 //! Method: Gauss–Newton with damping, by shooting from the middle over a window that grows by 0.1 s at a time; it begins with the
-//! posture that the markers of one frame have ([`MarkerFit`](crate::fit::MarkerFit)). From the minimum the bias of second order is taken. The covariance of all that is reported is that of the inverse of the Hessian of
+//! posture that the markers of one frame have ([`MarkerFit`](crate::fit::MarkerFit)). The covariance of all that is reported is that of the inverse of the Hessian of
 //! data and prior.
 //!
 //! **What is checked** by something that did not make it: the full equations of motion of the tree, joints prescribed, fly from

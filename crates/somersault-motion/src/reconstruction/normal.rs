@@ -58,9 +58,6 @@ const CHUNK: usize = 24;
 /// What a filter has of a frame before that is no longer counted.
 const FORGOTTEN: f64 = 1e-9;
 
-/// Coordinates that count of each marker's residual in each frame; none where it is missing.
-pub(super) type Residuals = Vec<Vec<Option<Vector3<f64>>>>;
-
 /// For each frame and marker what the robust loss trusts the point with, 1 at most.
 pub(super) type Trust = Vec<Vec<f64>>;
 
@@ -129,7 +126,7 @@ impl Flown<'_> {
         estimate: &Estimate,
         frames: Range<usize>,
         placed: &[Placed],
-    ) -> Residuals {
+    ) -> Vec<Vec<Option<Vector3<f64>>>> {
         let reference = observed.times[observed.reference];
         let of_frame = |(i, placed): (usize, &Placed)| {
             let center = self.center_of_mass(estimate, reference, observed.times[i]);
@@ -141,7 +138,7 @@ impl Flown<'_> {
         frames.zip(placed).map(of_frame).collect()
     }
 
-    /// Squares of `residuals` of `frames` under `noise`, and their derivatives by the unknowns with the coefficients of `knots` where
+    /// Squares of the residuals of `frames` under `noise`, and their derivatives by the unknowns with the coefficients of `knots` where
     /// `attitudes` and `placed` have theirs.
     pub(super) fn normal(
         &self,
@@ -152,10 +149,10 @@ impl Flown<'_> {
         knots: Option<&Range<usize>>,
         attitudes: &[Attitude],
         placed: &[Placed],
-        residuals: &Residuals,
         trust: &Trust,
         noise: &MarkerNoise,
     ) -> Normal {
+        let residuals = self.residuals(observed, estimate, frames.clone(), placed);
         let n = knots.map_or(0, |knots| self.layout.n(knots.len()));
         let reach = knots.map(|knots| self.reach(observed, frames, knots));
         let add_marker = |sum: &mut Normal, k: usize| {

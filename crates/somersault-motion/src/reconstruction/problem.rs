@@ -224,9 +224,6 @@ impl FlightReconstruction {
         search.grow()?;
         let status = search.settle(options.noise.is_some(), options.max_iterations)?;
         let noise = search.noise;
-        if status == ReconstructionStatus::Converged {
-            search.correct_bias(&noise)?;
-        }
         let posterior = search.posterior(&noise)?;
         self.judge(search, status, posterior, frame_noise)
     }

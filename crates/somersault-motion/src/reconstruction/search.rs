@@ -3,17 +3,14 @@
 
 use super::attitude::{Attitude, Flown, Room};
 use super::noise::MarkerNoise;
-use super::normal::{Kinematics, Normal, Observed, Placed, Residuals, Trust};
+use super::normal::{Kinematics, Normal, Observed, Placed, Trust};
 use super::prior::Prior;
 use super::unknowns::Estimate;
 use super::{ReconstructionError, ReconstructionStatus};
 use crate::fit::{FitError, MarkerSet};
-use crate::synthetic::standard_normal;
 use faer::linalg::solvers::{DenseSolveCore, Llt, Solve};
 use faer::{Mat, Side};
 use nalgebra::DMatrix;
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
 use somersault_core::cancel::CancellationToken;
 use somersault_multibody::Model;
 use std::ops::Range;
@@ -56,8 +53,6 @@ const WIDE: f64 = 3.0;
 const DAMPING: [f64; 2] = [1e-3, 1e10];
 /// Distance of the logarithms of sizes of the noise between which a parabola is laid.
 const WIDTH: f64 = 0.15;
-/// Pairs of displacements that the mean curvature is taken from.
-const DRAWS: usize = 24;
 /// Rounds in which the sizes of noise and second derivatives are estimated.
 const ROUNDS: usize = 3;
 
@@ -98,22 +93,9 @@ impl<'a> Search<'a> {
         noise: &MarkerNoise,
         at: &Linearized,
     ) -> Normal {
-        let residuals = self.flown.residuals(self.observed, estimate, frames.clone(), &at.placed);
-        self.normal_of(&residuals, estimate, frames, knots, noise, at)
-    }
-
-    fn normal_of(
-        &self,
-        residuals: &Residuals,
-        estimate: &Estimate,
-        frames: &Range<usize>,
-        knots: Option<&Range<usize>>,
-        noise: &MarkerNoise,
-        at: &Linearized,
-    ) -> Normal {
         let Linearized { attitudes, placed } = at;
         let Self { flown, markers, observed, trust, .. } = self;
-        flown.normal(markers, observed, estimate, frames, knots, attitudes, placed, residuals, trust, noise)
+        flown.normal(markers, observed, estimate, frames, knots, attitudes, placed, trust, noise)
     }
 
     /// Squares of residuals and of the prior.
@@ -269,51 +251,6 @@ impl<'a> Search<'a> {
         Ok(status)
     }
 
-    /// Takes from the estimate what curvature makes it err by on average, to second order: with t the mean of what displacements of the
-    /// posterior add to the residuals beyond their derivatives, that is −Σ Jᵀ C⁻¹ t. Lengths of limbs that are seen with noise look too
-    /// large, for what is off their circle is. Source: M. J. Box, *Bias in nonlinear estimation*, J. R. Stat. Soc. B 33 (1971) 171.
-    pub(super) fn correct_bias(&mut self, noise: &MarkerNoise) -> Result<(), ReconstructionError> {
-        let frames = self.all();
-        let knots = self.knots(&frames);
-        let estimate = self.estimate.clone();
-        let at = self.fly(&estimate, &frames, Some(&knots))?;
-        let Normal { mut matrix, mut gradient, .. } =
-            self.normal(&estimate, &frames, Some(&knots), noise, &at);
-        let Flown { layout, splines, .. } = self.flown;
-        self.prior.add(layout, splines, &estimate, &knots, &mut matrix, &mut gradient);
-        let Ok(factor) = matrix.llt(Side::Lower) else { return Ok(()) };
-        let n = gradient.len();
-        let mut sum = self.flown.residuals(self.observed, &estimate, frames.clone(), &at.placed);
-        let add = |sum: &mut Residuals, of: &Residuals, factor: f64| {
-            for (sum, x) in sum.iter_mut().flatten().zip(of.iter().flatten()) {
-                if let (Some(sum), Some(x)) = (sum, x) {
-                    *sum += x * factor;
-                }
-            }
-        };
-        sum.iter_mut().flatten().flatten().for_each(|r| *r *= -1.0);
-        let mut rng = ChaCha8Rng::seed_from_u64(DRAWS as u64);
-        for _ in 0..DRAWS {
-            self.expect_not_cancelled()?;
-            let mut drawn = Mat::from_fn(n, 1, |_, _| standard_normal(&mut rng));
-            factor.L().transpose().solve_upper_triangular_in_place(&mut drawn);
-            for sign in [1.0, -1.0] {
-                let step: Vec<f64> = (0..n).map(|i| sign * drawn[(i, 0)]).collect();
-                let moved = layout.advance(&estimate, &step, knots.start);
-                let flown = self.fly(&moved, &frames, None)?;
-                let residuals = self.flown.residuals(self.observed, &moved, frames.clone(), &flown.placed);
-                add(&mut sum, &residuals, 0.5 / DRAWS as f64);
-            }
-        }
-        let Normal { gradient, .. } = self.normal_of(&sum, &estimate, &frames, Some(&knots), noise, &at);
-        let solved = factor.solve(&Mat::from_fn(n, 1, |i, _| gradient[i]));
-        let step: Vec<f64> = (0..n).map(|i| solved[(i, 0)]).collect();
-        if step.iter().all(|x| x.is_finite()) {
-            self.estimate = layout.advance(&estimate, &step, knots.start);
-        }
-        Ok(())
-    }
-
     /// The covariance of the unknowns, the inverse of the Hessian of data and prior, and the flight there; none where it
     /// has no inverse.
     pub(super) fn posterior(
@@ -455,6 +392,8 @@ mod tests {
     use super::super::unknowns::Layout;
     use super::*;
     use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
     use somersault_multibody::{Joint, Link, MassProperties, ModelBuilder};
 
     /// A body with an arm on a ball joint and a leg on a hinge.
@@ -481,7 +420,7 @@ mod tests {
         let splines = JointSplines::try_new(&model, &model.neutral(), (0.0, 0.4), 4).unwrap();
         let layout = Layout::new(&model, &splines, true, true);
         let mut rng = ChaCha8Rng::seed_from_u64(5);
-        let mut random = |size: f64| standard_normal(&mut rng) * size;
+        let mut random = |size: f64| rng.random_range(-size..size);
         let times: Vec<f64> = (0..21).map(|i| 0.02 * f64::from(i)).collect();
         let mut point = || Some(Vector3::new(random(0.5), random(0.5), random(0.5)));
         // a gap of one marker

@@ -37,7 +37,7 @@ pub fn synthetic_markers(
 
 /// A number from the standard normal distribution, after G. E. P. Box and M. E. Muller, Ann. Math. Statist. 29
 /// (1958), 610.
-pub(crate) fn standard_normal(rng: &mut impl Rng) -> f64 {
+pub(super) fn standard_normal(rng: &mut impl Rng) -> f64 {
     // 1 − u is never zero
     let (u, turn): (f64, f64) = (rng.random(), rng.random());
     (-2.0 * (1.0 - u).ln()).sqrt() * (std::f64::consts::TAU * turn).cos()

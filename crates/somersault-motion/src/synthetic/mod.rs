@@ -36,7 +36,6 @@ mod perturbed;
 mod set;
 
 pub use judge::SyntheticJudge;
-pub(crate) use markers::standard_normal;
 pub use markers::synthetic_markers;
 pub use perturbation::Perturbation;
 pub use perturbed::{SyntheticDive, SyntheticFlight};

@@ -146,8 +146,8 @@ fn noise_of(value: &Bound<'_, PyAny>) -> Result<MarkerNoise, Error> {
 
 /// A flight that obeys the laws of flight exactly and comes nearest to a recording. Arrays have a row for each frame.
 ///
-/// Deviations are standard deviations, those of the inverse of the Hessian: an interval of ± 1.96 of them holds the truth in 95 of 100
-/// cases, for the given masses. Pictures, `plotting.tree_motion` and the viewer take it like a MotionFit.
+/// Deviations are standard deviations, those of the inverse of the Hessian, for the given masses. Of planar dives with noise of 30 mm, most of it
+/// correlated, ± 1.96 of them hold the velocity in 95 of 100 cases, all results together in 90, and the angular momentum in 83. Pictures, `plotting.tree_motion` and the viewer take it like a MotionFit.
 #[pyclass(frozen, module = "somersault.motion")]
 pub(crate) struct ReconstructedFlight {
     markers: Py<MarkerSet>,
