@@ -38,7 +38,8 @@ use somersault_integrators::variation::Varied;
 use somersault_multibody::motion::{Coordinates, JointDrive, Rates, TreeForces, TreeState};
 use std::fmt;
 
-/// The outcome of a run that is recorded; an error has what was recorded, unless the run did not begin.
+/// The outcome of a run that is recorded; an error has what was recorded, unless the run did not begin, and borrows what that does:
+/// its `reason` alone does not.
 pub type RecordedResult<R> = Result<R, Box<Undifferentiated<Option<R>>>>;
 
 /// A run of a tree in contact, with what leads back from its end: see [`SensitivityRun::recorded_from`].
@@ -107,7 +108,7 @@ where
     M: for<'b> Engages<Frozen<'b, Variational<'a, TreeInContact<'m, F, D>>>>,
 {
     /// Runs from a state without columns and records the run, so that it can be walked back: gradients of costs of its end
-    /// ([`RecordedRun::gradient`]), each for about as much as so many runs, whatever the number of parameters.
+    /// ([`RecordedRun::gradient`]), each for about as much as four runs, whatever the number of parameters (`cargo bench --bench contact -- gradient_of_a_hop`).
     ///
     /// The method must be an explicit Runge–Kutta method ([`Scheme::on_vectors`](somersault_integrators::stepper::Scheme::on_vectors)):
     /// `euler`, `mp`, `heun`, `rk4`, `rkmk`, `rkmk3`, `rkmk5`, `rkmk8`, `cf4`, or one of your own tableau. Memory: a state for each step.

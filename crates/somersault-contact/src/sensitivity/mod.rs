@@ -52,29 +52,7 @@
 //! other forces by central differences; at a touch-down δv jumps by −M⁻¹ Jᵀ (F⁺ − F⁻) δt. Derivatives are by motions of the
 //! joints along q ⊕ ε e_k, by their velocities, by constants of the laws, by joint forces that are constant
 //! ([`Parameter::JointForce`]) or given at knots ([`Parameter::JointForceAt`]), and by masses, centres of mass, inertias and
-//! placements of joints ([`Parameter::Tree`]); what is left are [`TreeSensitivities`]. For many parameters and one cost there is the
-//! adjoint, [`SensitivityRun::recorded_from`]:
-//!
-//! ```
-//! use somersault_contact::models::HoppingLeg;
-//! use somersault_contact::sensitivity::{Differentiation, EndCost, Parameter, SensitivityRun};
-//! use somersault_integrators::driver::{Flow, TimeGrid};
-//! use somersault_integrators::methods::Method;
-//! use somersault_multibody::motion::{Between, Knots};
-//!
-//! let leg = HoppingLeg::example()?.system()?;
-//! let system = leg.in_contact()?;
-//! let times: Vec<f64> = (0..100).map(|i| 0.002 * f64::from(i)).collect();
-//! let knots = Knots::try_new(&times, Between::Line)?;
-//! let by = Differentiation::by(Parameter::joint_forces_at(4, &knots).collect::<Vec<_>>());
-//! let grid = TimeGrid::try_new(0.0, 0.2, 1e-3)?;
-//! let mut recorded = SensitivityRun::new(&system, &by, Method::Rkmk8, grid).recorded_from(&leg.start()?)?;
-//! // The angle of the knee at the end, by its torque at each of the knots.
-//! let cost = EndCost { by_motion: &[0.0, 0.0, 0.0, 0.0, 1.0], by_velocity: &[0.0; 5], by_event_times: &[] };
-//! let gradient = recorded.gradient(&cost, None, &mut |_| Flow::Continue)?;
-//! assert_eq!((gradient.state.len(), gradient.parameters.len()), (10, 100));
-//! # Ok::<(), Box<dyn std::error::Error>>(())
-//! ```
+//! placements of joints ([`Parameter::Tree`]); what is left are [`TreeSensitivities`].
 //!
 //! ```
 //! use somersault_contact::models::HoppingLeg;
@@ -89,6 +67,30 @@
 //! assert_eq!(found.state.shape(), (10, 10));
 //! // A leg whose knee is pushed straighter touches down at another time.
 //! assert!(found.event_times[(0, 11)] != 0.0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! For many parameters and one cost there is the adjoint, [`SensitivityRun::recorded_from`]:
+//!
+//! ```
+//! use somersault_contact::models::HoppingLeg;
+//! use somersault_contact::sensitivity::{Differentiation, EndCost, Parameter, SensitivityRun};
+//! use somersault_integrators::driver::{Flow, TimeGrid};
+//! use somersault_integrators::methods::Method;
+//! use somersault_multibody::motion::{Between, Knots};
+//!
+//! let leg = HoppingLeg::example()?.system()?;
+//! let system = leg.in_contact()?;
+//! let times: Vec<f64> = (0..100).map(|i| 0.002 * f64::from(i)).collect();
+//! let knots = Knots::try_new(&times, Between::Line)?;
+//! let by = Differentiation::by(Parameter::joint_forces_at(4, &knots).collect::<Vec<_>>());
+//! let grid = TimeGrid::try_new(0.0, 0.2, 1e-3)?;
+//! let run = SensitivityRun::new(&system, &by, Method::Rkmk8, grid);
+//! let mut recorded = run.recorded_from(&leg.start()?).map_err(|refused| refused.reason)?;
+//! // The angle of the knee at the end, by its torque at each of the knots.
+//! let cost = EndCost { by_motion: &[0.0, 0.0, 0.0, 0.0, 1.0], by_velocity: &[0.0; 5], by_event_times: &[] };
+//! let gradient = recorded.gradient(&cost, None, &mut |_| Flow::Continue)?;
+//! assert_eq!((gradient.state.len(), gradient.parameters.len()), (10, 100));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
