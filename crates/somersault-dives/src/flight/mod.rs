@@ -6,7 +6,6 @@
 //! of its steps, first and second.
 
 mod path;
-mod step;
 
 pub(crate) use path::{COEFFICIENTS, MOMENTUM, NodeExpansion, START};
 pub use path::{NodeDerivatives, OrientationPath, PathGradient};

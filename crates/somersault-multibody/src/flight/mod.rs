@@ -22,6 +22,7 @@
 //! theory of the falling cat*, Fields Institute Communications 1 (1993) 193.
 
 mod derivatives;
+pub mod step;
 mod system;
 
 pub use derivatives::FlightDerivatives;

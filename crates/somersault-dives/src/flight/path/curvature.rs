@@ -11,12 +11,12 @@
 //! derivatives are those of its first by the channels: one evaluation over dual numbers for each channel and stage.
 
 use super::{NodeDerivatives, OrientationPath, SAMPLE_OF, SAMPLES};
-use crate::flight::step::{NODES, STAGES, StageRate, WEIGHTS, displacement_curvature};
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
 use num_dual::Dual64;
 use rayon::prelude::*;
 use somersault_core::lie::short::{omega_by_rate, rate, rate_partials, rate_second_partials};
 use somersault_core::lie::so3::{self, hat, right_jacobian};
+use somersault_multibody::flight::step::{NODES, STAGES, StageRate, WEIGHTS, displacement_curvature};
 use somersault_multibody::flight::{Flight, FlightData, FlightError, TakeOff};
 use somersault_multibody::{DynamicsError, Model};
 

@@ -1,11 +1,11 @@
 //! What the orientations of a path depend on: forward to a node, or backward from all.
 
 use super::{OrientationPath, SAMPLE_OF, SAMPLES};
-use crate::flight::step::{SIMPSON, STAGES};
 use nalgebra::{Matrix3, Vector3};
 use somersault_core::argument::{expect_length, expect_range};
 use somersault_multibody::DynamicsError;
 use somersault_multibody::flight::FlightError;
+use somersault_multibody::flight::step::{SIMPSON, STAGES};
 
 /// Derivatives of the orientation at a node.
 #[derive(Debug, Clone, PartialEq, Default)]

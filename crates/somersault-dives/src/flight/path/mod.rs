@@ -6,12 +6,12 @@ mod derivatives;
 pub(crate) use curvature::{COEFFICIENTS, MOMENTUM, NodeExpansion, START};
 pub use derivatives::{NodeDerivatives, PathGradient};
 
-use super::step::{SIMPSON, STAGES, StageRate, StepDerivative, turn};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use somersault_core::argument::expect_length;
 use somersault_core::lie::so3::normalized_xyzw;
 use somersault_core::spline::MAX_DEGREE;
 use somersault_multibody::counting::Counting;
+use somersault_multibody::flight::step::{SIMPSON, STAGES, StageRate, StepDerivative, turn};
 use somersault_multibody::flight::{Flight, FlightData, FlightError, TakeOff};
 use somersault_multibody::joint_motion::SplineMotion;
 use somersault_multibody::{DynamicsError, Group, Joint, Model};

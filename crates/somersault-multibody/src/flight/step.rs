@@ -17,41 +17,49 @@ use somersault_core::lie::so3::{self, hat, right_jacobian};
 use somersault_integrators::tableau::RUNGE_KUTTA_4;
 
 /// Stages of a step.
-pub(super) const STAGES: usize = RUNGE_KUTTA_4.nodes.len();
+pub const STAGES: usize = RUNGE_KUTTA_4.nodes.len();
 
-pub(super) const NODES: &[f64] = RUNGE_KUTTA_4.nodes;
-pub(super) const WEIGHTS: &[f64] = RUNGE_KUTTA_4.weights.factors;
+/// Where each stage is, in fractions of the step.
+pub const NODES: &[f64] = RUNGE_KUTTA_4.nodes;
+/// What each stage counts.
+pub const WEIGHTS: &[f64] = RUNGE_KUTTA_4.weights.factors;
 
 /// Weights of Simpson's rule; the third stage repeats the second.
-pub(super) const SIMPSON: [f64; STAGES] = [WEIGHTS[0], WEIGHTS[1] + WEIGHTS[2], 0.0, WEIGHTS[3]];
+pub const SIMPSON: [f64; STAGES] = [WEIGHTS[0], WEIGHTS[1] + WEIGHTS[2], 0.0, WEIGHTS[3]];
 
 /// F and M_i.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct StepDerivative {
-    pub(super) by_start: Matrix3<f64>,
-    pub(super) by_stage: [Matrix3<f64>; STAGES],
+pub struct StepDerivative {
+    /// F.
+    pub by_start: Matrix3<f64>,
+    /// M_i.
+    pub by_stage: [Matrix3<f64>; STAGES],
 }
 
 impl StepDerivative {
-    pub(super) fn zero() -> Self {
+    /// Room for one.
+    pub fn zero() -> Self {
         Self { by_start: Matrix3::zeros(), by_stage: [Matrix3::zeros(); STAGES] }
     }
 
     /// In the plane.
-    pub(super) fn simpson(h: f64) -> Self {
+    pub fn simpson(h: f64) -> Self {
         let by_stage = SIMPSON.map(|weight| Matrix3::from_diagonal_element(h * weight));
         Self { by_start: Matrix3::identity(), by_stage }
     }
 }
 
 /// ω of a stage and ∂ω/∂θ.
-pub(super) struct StageRate {
-    pub(super) angular_velocity: Vector3<f64>,
-    pub(super) by_orientation: Matrix3<f64>,
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StageRate {
+    /// ω, axes of the root, rad/s.
+    pub angular_velocity: Vector3<f64>,
+    /// ∂ω/∂θ for displacements R exp(δθ).
+    pub by_orientation: Matrix3<f64>,
 }
 
 /// Second derivatives of a · log(exp(−u₀) exp(δ) exp(u)) at δ = 0: by δ and u, and by u twice.
-pub(super) fn displacement_curvature(u: &Vector3<f64>, a: &Vector3<f64>) -> [Matrix3<f64>; 2] {
+pub fn displacement_curvature(u: &Vector3<f64>, a: &Vector3<f64>) -> [Matrix3<f64>; 2] {
     // exp(−u₀) exp(δ) exp(u) = exp(Aδ) exp(Jδu + …), whose logarithm has half of their bracket beside their sum
     let carried = so3::exp(u).to_rotation_matrix().into_inner();
     let by_u = so3::dexp_partials(u, a);
@@ -61,9 +69,9 @@ pub(super) fn displacement_curvature(u: &Vector3<f64>, a: &Vector3<f64>) -> [Mat
 /// Displacements by the start and by each stage.
 type Columns = [Matrix3<f64>; 1 + STAGES];
 
-/// A step of length `h` from `start`; `stage(i, R)` is the rate in stage i. Derivatives are wanted where there is
+/// A step of length `h`, also of a negative one, from `start`; `stage(i, R)` is the rate in stage i. Derivatives are wanted where there is
 /// room for them.
-pub(super) fn turn<E>(
+pub fn turn<E>(
     start: &UnitQuaternion<f64>,
     h: f64,
     mut stage: impl FnMut(usize, &UnitQuaternion<f64>) -> Result<StageRate, E>,
