@@ -3,7 +3,8 @@
 Readers bring files to one convention: m, s, x forward, y left and z up. A `MarkerRecording` has positions of
 named markers, with gaps; a `SkeletonRecording` a tree of joints and how they turned; a `KeypointRecording`
 what a pose estimator found; a `ChannelRecording` named numbers. Their `repairs` list what was put right in a
-file. A `MarkerFit` lays a model with a `MarkerSet` over markers; `Pca`, `project` and `GroupComparison`
+file. A `MarkerFit` lays a model with a `MarkerSet` over markers; `reconstruct_flight` finds the flight behind
+them by the laws of flight, with its angular momentum; `Pca`, `project` and `GroupComparison`
 describe motions; a `ScoringModel` learns scores, and `validate` measures how accurate they are.
 
 | Format | Reader | Writer | Of |

@@ -522,6 +522,19 @@ motion.Band(rows)
 comparison = motion.GroupComparison({"a": [fitted], "b": [fitted]}, "marker_error", n_frames=10)
 comparison.series("a")
 comparison.bands()
+motion.reconstruct_flight(
+    motion.MarkerSet(
+        somersault.Model([multibody.Link("body", "free", mass=1.0, inertia=np.eye(3))]), {"a": (0, (0, 0, 0))}
+    ),
+    recording,
+    knot_spacing=0.2,
+    scale=1.0,
+    seek_gravity=True,
+    threshold=4.0,
+    noise=(0.1, 0.5, 0.1),
+    interval=(float(stamps[0]), float(stamps[-1])),
+    max_iterations=3,
+)
 motion.normalize_frames(stamps, np.zeros(20), 10)
 motion.somersaults(spatial.model, still)
 performances = [

@@ -186,6 +186,16 @@ def fit() -> motion.MotionFit:
     return motion.MarkerFit(markers).fit(motion.place_markers(markers, [0.0, 0.1], [[0.1, 0.2], [0.2, 0.4]]))
 
 
+@cache
+def reconstructed() -> motion.ReconstructedFlight:
+    t = np.linspace(0.0, 0.4, 21)
+    straight = multibody.diver_planar().configuration("A")
+    q = np.tile(straight, (21, 1))
+    q[:, :2] = np.stack([t, 3.0 + 4.0 * t - 4.905 * t**2], axis=1)
+    markers = motion.MarkerSet.joint_centres(multibody.diver_planar().model)
+    return motion.reconstruct_flight(markers, motion.place_markers(markers, t, q), noise=0.01, scale=1.0)
+
+
 def skeleton() -> motion.Skeleton:
     return motion.Skeleton(
         [motion.SkeletonJoint("hip", moves=True), motion.SkeletonJoint("knee", 0, (0, 0, -1))]
@@ -329,6 +339,7 @@ MADE: dict[str, Callable[[], Any]] = {
     "MarkerRecording": lambda: motion.MarkerRecording(["hip"], TIMES, np.zeros((20, 1, 3))),
     "MarkerSet": lambda: motion.MarkerSet.joint_centres(ARM),
     "MotionFit": fit,
+    "ReconstructedFlight": reconstructed,
     "Pca": lambda: motion.Pca(np.eye(3)),
     "Performance": lambda: dives().performances()[0],
     "Perturbation": lambda: motion.Perturbation(exit_delay=1 / 300, looseness=1 / 7, wobble=1 / 3),

@@ -190,6 +190,7 @@ SHOWN: dict[str, Callable[[pytest.FixtureRequest, Path], Any]] = {
     "MarkerRecording of a CSV": lambda _, folder: reread("csv", motion.write_csv, folder),
     "SkeletonRecording": lambda _, __: motion.read_bvh(HERE / "motions" / "bvhio.bvh", unit="cm"),
     "MotionFit": lambda _, __: motion.MarkerFit(MARKERS).fit(seen()),
+    "ReconstructedFlight": lambda _, __: motion.reconstruct_flight(MARKERS, seen(), noise=0.01),
     "SyntheticDive": lambda _, __: motion.SyntheticFlight(DIVER.model, TIMES, FALL).perturb(
         motion.Perturbation(looseness=0.1)
     ),

@@ -180,13 +180,17 @@ def _of_keypoints(recording: motion.KeypointRecording) -> Subject:
 def _of_fit(fit: motion.MotionFit) -> Subject:
     q = np.asarray(fit.q)
     known = np.isfinite(q).all(axis=1)
-    size = float(np.mean(fit.scale[known]))
-    model = _resized(fit.model, size)
+    return _of_size(fit.model, float(np.mean(fit.scale[known])), fit.times[known], q[known])
+
+
+def _of_size(model: Model, size: float, times: Any, q: Any) -> Subject:
+    """The motion of a tree of another size, whose places are not scaled."""
+    model = _resized(model, size)
     for link in model.links:
         if link.joint == "prismatic" and link.parent is not None:
             q = q.copy()
             q[:, model.positions_of(link.name)] *= size
-    return Subject(model, fit.times[known], q[known])
+    return Subject(model, times, q)
 
 
 def _resized(model: Model, size: float) -> Model:
@@ -219,6 +223,7 @@ MOTIONS: dict[type, Callable[[Any], Subject]] = {
     ArmExtremal: lambda found: Subject(found.extremal),
     motion.KeypointRecording: _of_keypoints,
     motion.MotionFit: _of_fit,
+    motion.ReconstructedFlight: lambda flight: _of_size(flight.model, flight.scale, flight.times, flight.q),
     motion.SkeletonRecording: _of_skeleton,
     motion.SyntheticDive: lambda dive: Subject(dive.model, dive.times, dive.q),
     ocp.CollocationResult: _of_collocation,

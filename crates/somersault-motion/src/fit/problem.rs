@@ -43,7 +43,7 @@ pub(super) fn expect_not_cancelled(token: &CancellationToken) -> Result<(), FitE
 }
 
 /// Of one frame, for each marker of the model.
-pub(super) type Targets = Vec<Option<Vector3<f64>>>;
+pub(crate) type Targets = Vec<Option<Vector3<f64>>>;
 
 impl MarkerFit {
     /// Fits `markers` of `model` as `options` say.
@@ -68,7 +68,7 @@ impl MarkerFit {
     }
 
     /// For each frame a target for each marker of the model.
-    pub(super) fn targets(&self, recording: &MarkerRecording) -> Result<Vec<Targets>, FitError> {
+    pub(crate) fn targets(&self, recording: &MarkerRecording) -> Result<Vec<Targets>, FitError> {
         let numbers: Vec<Option<usize>> =
             self.markers.markers().iter().map(|m| recording.marker(&m.name).ok()).collect();
         if numbers.iter().all(Option::is_none) {

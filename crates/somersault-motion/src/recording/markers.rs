@@ -94,6 +94,14 @@ impl MarkerRecording {
         Self::try_new(names, self.times.clone(), points)
     }
 
+    /// The frames of a range, of which there must be one.
+    pub fn part(&self, frames: std::ops::Range<usize>) -> Result<Self, RecordingError> {
+        let end = frames.end.min(self.n_frames());
+        let frames = frames.start.min(end)..end;
+        let points = self.points[frames.start * self.n_markers()..frames.end * self.n_markers()].to_vec();
+        Self::try_new(self.names.clone(), self.times[frames].to_vec(), points)
+    }
+
     /// The same motion at other times, by a cubic spline through each marker's unbroken stretches.
     ///
     /// What lies in a gap stays missing: between two neighbouring frames of which one lacks the marker.

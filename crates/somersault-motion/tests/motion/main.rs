@@ -9,6 +9,7 @@ mod groups;
 mod hostile;
 mod judged;
 mod readers;
+mod reconstruction;
 mod recorded;
 mod scoring;
 mod synthetic;

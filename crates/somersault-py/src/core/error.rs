@@ -22,6 +22,7 @@ use somersault::integrators::studies::StudyError;
 use somersault::integrators::system::CountMismatch;
 use somersault::motion::analysis::AnalysisError;
 use somersault::motion::fit::FitError;
+use somersault::motion::reconstruction::ReconstructionError;
 use somersault::motion::recording::RecordingError;
 use somersault::motion::scoring::{ScoringError, StorageError};
 use somersault::motion::synthetic::SyntheticError;
@@ -407,6 +408,18 @@ impl From<FitError> for Error {
     fn from(error: FitError) -> Self {
         match error {
             FitError::Model(error) => error.into(),
+            error => Self::own(Class::Input, &error),
+        }
+    }
+}
+
+impl From<ReconstructionError> for Error {
+    fn from(error: ReconstructionError) -> Self {
+        match error {
+            ReconstructionError::Fit(error) => error.into(),
+            ReconstructionError::Flight(error) => error.into(),
+            ReconstructionError::Model(error) => error.into(),
+            ReconstructionError::Recording(error) => error.into(),
             error => Self::own(Class::Input, &error),
         }
     }

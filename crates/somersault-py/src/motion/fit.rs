@@ -34,7 +34,7 @@ use somersault::motion::fit::{self, FitError, FitOptions, Loss, Marker, Scale, S
 /// ('ankle', 'wrist')
 #[pyclass(frozen, module = "somersault.motion")]
 pub(crate) struct MarkerSet {
-    model: Py<Model>,
+    pub(super) model: Py<Model>,
     pub(super) markers: fit::MarkerSet,
 }
 

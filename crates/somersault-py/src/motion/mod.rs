@@ -12,6 +12,7 @@ mod matrix;
 mod motion_fit;
 mod pca;
 mod readers;
+mod reconstruction;
 mod repair;
 mod scoring;
 mod skeleton;
@@ -45,6 +46,8 @@ pub(crate) mod module {
         read_bvh, read_c3d, read_c3d_channels, read_c3d_events, read_c3d_force_plates, read_csv, read_file,
         read_joint_motion, read_mot, read_pose, read_trc,
     };
+    #[pymodule_export]
+    use crate::motion::reconstruction::{ReconstructedFlight, reconstruct_flight};
     #[pymodule_export]
     use crate::motion::repair::Repair;
     #[pymodule_export]

@@ -65,13 +65,13 @@ pub(crate) struct MotionFit {
 }
 
 /// The name of a status in a table of all.
-fn name_of<T: PartialEq>(all: &[(T, &'static str)], status: &T) -> &'static str {
+pub(super) fn name_of<T: PartialEq>(all: &[(T, &'static str)], status: &T) -> &'static str {
     // a table has all there are
     all.iter().find(|(known, _)| known == status).map_or("", |(_, name)| name)
 }
 
 /// The status of a name.
-fn status_of<T: Copy>(all: &[(T, &'static str)], name: &str) -> Result<T, Error> {
+pub(super) fn status_of<T: Copy>(all: &[(T, &'static str)], name: &str) -> Result<T, Error> {
     let found = all.iter().find(|(_, known)| *known == name);
     let wrong = || Error::input(format!("`status` must be that of a fit, found '{name}'"));
     found.map(|(status, _)| *status).ok_or_else(wrong)

@@ -1,0 +1,132 @@
+//! The noise of markers: white, and correlated in time.
+//!
+//! Each coordinate of a marker of weight c errs by σ/√c times n, where n has the variance 1, of which a fraction κ is correlated over
+//! the time τ:
+//!
+//! ```text
+//! E[n(t) n(t′)] = κ exp(−|t − t′|/τ) + (1 − κ) δ(t, t′)
+//! ```
+//! Coordinates and markers are independent. What a filter of R. E. Kalman predicts of a coordinate from the frames before leaves
+//! innovations that are white: for each frame that has the marker, whatever gaps there are,
+//!
+//! ```text
+//! ν = (x − m)/√S,  S = P + w,  m ← e^{−Δ/τ} (m + P (x − m)/S),  P ← e^{−2Δ/τ} P (1 − P/S) + κ (1 − e^{−2Δ/τ})
+//! ```
+//! with w = 1 − κ, and more where a robust loss trusts a point less.
+//!
+//! Source: A. C. Harvey, *Forecasting, Structural Time Series Models and the Kalman Filter*, Cambridge University Press 1989,
+//! chapter 3.
+
+use super::ReconstructionError;
+use serde::{Deserialize, Serialize};
+use somersault_core::argument::{expect_positive, expect_range};
+
+/// The noise of markers.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct MarkerNoise {
+    /// Standard deviation σ of each coordinate of a marker of weight 1, m.
+    pub size: f64,
+    /// Fraction κ of the variance that is correlated in time, from 0 to 1.
+    pub correlated: f64,
+    /// Time τ over which it is, s.
+    pub time: f64,
+}
+
+impl MarkerNoise {
+    /// White noise.
+    pub fn white(size: f64) -> Self {
+        Self { size, correlated: 0.0, time: 0.1 }
+    }
+
+    pub(super) fn validate(&self) -> Result<(), ReconstructionError> {
+        expect_range("size of the noise", self.size, "between 1e-9 and 1e3 m", |x| {
+            (1e-9..=1e3).contains(&x)
+        })?;
+        expect_range("correlated fraction of the noise", self.correlated, "from 0 to 1", |x| {
+            (0.0..=1.0).contains(&x)
+        })?;
+        expect_positive("time of the noise", self.time)?;
+        Ok(())
+    }
+}
+
+/// What makes a coordinate's error white at one frame.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Whitening {
+    /// What the prediction decays by since the frame before.
+    pub(super) decay: f64,
+    /// What the innovation moves the prediction by.
+    pub(super) gain: f64,
+    /// 1/√S.
+    pub(super) factor: f64,
+}
+
+impl Whitening {
+    /// Replaces derivatives of a residual, at √c/σ = `weight`, by those of its innovation, and moves their predictions on.
+    pub(super) fn whiten(&self, weight: f64, means: &mut [f64], row: &mut [f64]) {
+        let factor = self.factor * weight;
+        if self.gain == 0.0 {
+            row.iter_mut().for_each(|x| *x *= factor);
+            return;
+        }
+        for (x, mean) in row.iter_mut().zip(means) {
+            let predicted = *mean * self.decay;
+            let innovation = *x - predicted;
+            *x = innovation * factor;
+            *mean = predicted + self.gain * innovation;
+        }
+    }
+}
+
+/// The least fraction of the variance that is white: frames never repeat each other.
+const LEAST_WHITE: f64 = 1e-3;
+
+/// The filter of a marker over the times of the frames that have it, and Σ ln S; `trust` is 1, or less for points that count less.
+pub(super) fn whitening(
+    noise: &MarkerNoise,
+    frames: impl Iterator<Item = (f64, f64)>,
+) -> (Vec<Whitening>, f64) {
+    let share = noise.correlated.min(1.0 - LEAST_WHITE);
+    let (mut before, mut variance, mut log) = (None, share, 0.0);
+    let steps = frames.map(|(t, trust)| {
+        let decay = before.map_or(0.0, |before: f64| (-(t - before) / noise.time).exp());
+        variance = decay * decay * variance + share * (1.0 - decay * decay);
+        before = Some(t);
+        let total = variance + 1.0 - share + (1.0 / trust - 1.0);
+        let gain = variance / total;
+        variance *= 1.0 - gain;
+        log += total.ln();
+        Whitening { decay, gain, factor: total.sqrt().recip() }
+    });
+    let steps = steps.collect();
+    (steps, log)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::{DMatrix, DVector};
+
+    #[test]
+    fn innovations_have_the_squares_and_the_determinant_of_the_covariance() {
+        let noise = MarkerNoise { size: 1.0, correlated: 0.7, time: 0.15 };
+        // a gap, uneven frames, and a point that counts half
+        let times: [f64; 6] = [0.0, 0.01, 0.02, 0.05, 0.06, 0.075];
+        let trust = [1.0, 1.0, 0.5, 1.0, 1.0, 1.0];
+        let x = DVector::from_fn(6, |i, _| (3.0 * i as f64).sin());
+        let covariance = DMatrix::from_fn(6, 6, |i, j| {
+            let white = if i == j { 1.0 / trust[i] - 0.7 } else { 0.0 };
+            white + 0.7 * (-(times[i] - times[j]).abs() / 0.15).exp()
+        });
+        let (steps, log) = whitening(&noise, times.into_iter().zip(trust));
+        let (mut mean, mut squares) = (0.0, 0.0);
+        for (step, x) in steps.iter().zip(x.iter()) {
+            mean *= step.decay;
+            squares += ((x - mean) * step.factor).powi(2);
+            mean += step.gain * (x - mean);
+        }
+        let expected = x.dot(&(covariance.clone().try_inverse().unwrap() * &x));
+        assert!((squares - expected).abs() < 1e-10 * expected, "{squares} {expected}");
+        assert!((log - covariance.determinant().ln()).abs() < 1e-10);
+    }
+}

@@ -1,0 +1,356 @@
+//! Residuals, and the normal equations of their squares.
+
+use super::ReconstructionError;
+use super::attitude::{Attitude, Flown, Room, turn_of};
+use super::joints::ACTIVE;
+use super::noise::{MarkerNoise, Whitening, whitening};
+use super::unknowns::{Estimate, Layout};
+use crate::fit::MarkerSet;
+use faer::linalg::matmul::triangular::{BlockStructure, matmul};
+use faer::{Accum, Mat, MatRef, Par};
+use nalgebra::{DMatrix, Matrix3, Vector3};
+use rayon::prelude::*;
+use somersault_core::lie::so3::hat;
+use somersault_multibody::{Axes, Data, Model, Transform};
+use std::ops::Range;
+
+/// Markers over the frames of a flight.
+#[derive(Debug, Clone)]
+pub(super) struct Observed {
+    pub(super) times: Vec<f64>,
+    /// Number of the frame that the unknowns belong to.
+    pub(super) reference: usize,
+    /// For each frame, each marker of the set.
+    pub(super) points: Vec<Vec<Option<Vector3<f64>>>>,
+}
+
+/// Where the body and its markers are in a frame.
+#[derive(Debug, Clone)]
+pub(super) struct Placed {
+    /// Rotation of the root, its axes → world.
+    pub(super) turn: Matrix3<f64>,
+    /// Centre of mass from the origin of the root, world axes, at scale 1.
+    pub(super) center: Vector3<f64>,
+    /// The markers from the centre of mass, world axes, at scale 1.
+    pub(super) arms: Vec<Vector3<f64>>,
+    /// Derivatives of the arms by the channels, marker by marker; empty if they were not requested.
+    by_channel: Vec<Vector3<f64>>,
+}
+
+/// ½ of the squares as a quadratic function of the unknowns.
+pub(super) struct Normal {
+    /// Jᵀ C⁻¹ J, its lower half.
+    pub(super) matrix: Mat<f64>,
+    /// Jᵀ C⁻¹ r.
+    pub(super) gradient: Vec<f64>,
+    /// rᵀ C⁻¹ r.
+    pub(super) squares: f64,
+    /// ln det of the covariance of all coordinates at size 1.
+    pub(super) log_determinant: f64,
+    /// Coordinates that were measured.
+    pub(super) n_measured: usize,
+}
+
+/// Markers that are added up by one thread.
+const GROUP: usize = 6;
+/// Frames whose rows are multiplied together.
+const CHUNK: usize = 24;
+/// What a filter has of a frame before that is no longer counted.
+const FORGOTTEN: f64 = 1e-9;
+
+/// For each frame and marker what the robust loss trusts the point with, 1 at most.
+pub(super) type Trust = Vec<Vec<f64>>;
+
+/// Room for kinematics.
+pub(super) struct Kinematics {
+    data: Data,
+    of_marker: DMatrix<f64>,
+}
+
+impl Kinematics {
+    pub(super) fn new(model: &Model) -> Self {
+        Self { data: Data::new(model), of_marker: DMatrix::zeros(6, model.n_velocities()) }
+    }
+}
+
+impl Flown<'_> {
+    /// Body and markers at `t`.
+    pub(super) fn place(
+        &self,
+        markers: &MarkerSet,
+        estimate: &Estimate,
+        t: f64,
+        attitude: &Attitude,
+        with_derivatives: bool,
+        room: &mut Room,
+        kinematics: &mut Kinematics,
+    ) -> Result<Placed, ReconstructionError> {
+        self.pose(estimate, t, &attitude.orientation, room);
+        let Kinematics { data, of_marker } = kinematics;
+        let n_root = self.model.velocities_of(0).len();
+        let n = self.layout.n_channels;
+        let mut of_center = Vec::new();
+        if with_derivatives {
+            let matrix = self.model.centroidal(data, &room.q)?.matrix;
+            of_center.extend((0..n).map(|c| matrix.fixed_view::<3, 1>(0, n_root + c) / self.model.mass()));
+        }
+        let positions = self.model.positions(data, &room.q)?;
+        let root = positions.pose(0)?.translation;
+        let center = positions.center_of_mass() - root;
+        let mut arms = Vec::with_capacity(markers.markers().len());
+        let mut by_channel = Vec::new();
+        for marker in markers.markers() {
+            arms.push(positions.pose(marker.body)?.point(&marker.point) - root - center);
+            if with_derivatives {
+                let frame = Transform::translation(marker.point);
+                positions.jacobian_into(marker.body, &frame, Axes::World, of_marker)?;
+                let first = by_channel.len();
+                by_channel.extend((0..n).map(|c| of_marker.fixed_view::<3, 1>(0, n_root + c) - of_center[c]));
+                self.splines.by_displacements(&room.channels, &mut by_channel[first..]);
+            }
+        }
+        Ok(Placed { turn: turn_of(self.model, &attitude.orientation), center, arms, by_channel })
+    }
+
+    /// The centre of mass at `t`, where `reference` is the time that the unknowns belong to.
+    pub(super) fn center_of_mass(&self, estimate: &Estimate, reference: f64, t: f64) -> Vector3<f64> {
+        let t = t - reference;
+        let gravity = self.model.gravity() * estimate.gravity;
+        estimate.center + estimate.velocity * t + gravity * (0.5 * t * t)
+    }
+
+    /// Coordinates that count of each marker's residual in each of `frames`; none where it is missing.
+    pub(super) fn residuals(
+        &self,
+        observed: &Observed,
+        estimate: &Estimate,
+        frames: Range<usize>,
+        placed: &[Placed],
+    ) -> Vec<Vec<Option<Vector3<f64>>>> {
+        let reference = observed.times[observed.reference];
+        let of_frame = |(i, placed): (usize, &Placed)| {
+            let center = self.center_of_mass(estimate, reference, observed.times[i]);
+            let residual = |(arm, point): (&Vector3<f64>, &Option<Vector3<f64>>)| {
+                point.map(|point| self.layout.within(&(center + arm * estimate.scale - point)))
+            };
+            placed.arms.iter().zip(&observed.points[i]).map(residual).collect()
+        };
+        frames.zip(placed).map(of_frame).collect()
+    }
+
+    /// Squares of the residuals of `frames` under `noise`, and their derivatives by the unknowns with the coefficients of `knots` where
+    /// `attitudes` and `placed` have theirs.
+    pub(super) fn normal(
+        &self,
+        markers: &MarkerSet,
+        observed: &Observed,
+        estimate: &Estimate,
+        frames: &Range<usize>,
+        knots: Option<&Range<usize>>,
+        attitudes: &[Attitude],
+        placed: &[Placed],
+        trust: &Trust,
+        noise: &MarkerNoise,
+    ) -> Normal {
+        let residuals = self.residuals(observed, estimate, frames.clone(), placed);
+        let n = knots.map_or(0, |knots| self.layout.n(knots.len()));
+        let reach = knots.map(|knots| self.reach(observed, frames, knots));
+        let add_marker = |sum: &mut Normal, k: usize| {
+            let weight = markers.markers()[k].weight.sqrt() / noise.size;
+            let seen: Vec<usize> = (0..frames.len()).filter(|i| residuals[*i][k].is_some()).collect();
+            let at = |i: &usize| (observed.times[frames.start + i], trust[frames.start + i][k]);
+            let (steps, log) = whitening(noise, seen.iter().map(at));
+            let d = self.layout.dimension();
+            sum.n_measured += d * seen.len();
+            sum.log_determinant += (log - seen.len() as f64 * markers.markers()[k].weight.ln()) * d as f64;
+            let mut white = vec![0.0; d * seen.len()];
+            for axis in 0..d {
+                let mut mean = 0.0;
+                for (j, (i, step)) in seen.iter().zip(&steps).enumerate() {
+                    let residual = residuals[*i][k].map_or(0.0, |r| r[axis]);
+                    mean *= step.decay;
+                    white[j * d + axis] = (residual - mean) * step.factor * weight;
+                    mean += step.gain * (residual - mean);
+                }
+            }
+            sum.squares += white.iter().map(|x| x * x).sum::<f64>();
+            if let (Some(knots), Some(reach)) = (knots, &reach) {
+                let ranges = remembered(&seen, &steps, reach);
+                let mut means = vec![vec![0.0; n]; d];
+                for first in (0..seen.len()).step_by(CHUNK) {
+                    let chunk = first..(first + CHUNK).min(seen.len());
+                    let range = chunk.clone().fold(ranges[first].clone(), |all, j| {
+                        all.start.min(ranges[j].start)..all.end.max(ranges[j].end)
+                    });
+                    let head = self.layout.coefficients();
+                    let columns = head + range.start * self.layout.n_channels
+                        ..head + range.end * self.layout.n_channels;
+                    let mut rows: Mat<f64> = Mat::zeros(head + columns.len(), chunk.len() * d);
+                    for j in chunk.clone() {
+                        let (i, step) = (seen[j], &steps[j]);
+                        let at = (&attitudes[i], &placed[i]);
+                        for (axis, mean) in means.iter_mut().enumerate() {
+                            let mut out = rows.col_mut((j - first) * d + axis);
+                            let Some(out) = out.as_mut().try_as_col_major_mut().map(|c| c.as_slice_mut())
+                            else {
+                                continue;
+                            };
+                            self.row(observed, estimate, frames.start + i, k, axis, at, knots, &range, out);
+                            step.whiten(weight, &mut mean[..head], &mut out[..head]);
+                            step.whiten(weight, &mut mean[columns.clone()], &mut out[head..]);
+                        }
+                    }
+                    means.iter_mut().for_each(|mean| mean[head..columns.start].fill(0.0));
+                    sum.add(&rows, head, &columns, &white[chunk.start * d..chunk.end * d]);
+                }
+            }
+        };
+        let numbers: Vec<usize> = (0..markers.markers().len()).collect();
+        let of_group = |group: &[usize]| {
+            let mut sum = Normal::zero(n);
+            group.iter().for_each(|k| add_marker(&mut sum, *k));
+            sum
+        };
+        let parts: Vec<Normal> = numbers.par_chunks(GROUP).map(of_group).collect();
+        // in the order of the markers, whatever the threads did
+        parts.into_iter().fold(Normal::zero(n), |mut sum, part| {
+            sum.matrix += part.matrix;
+            sum.gradient.iter_mut().zip(&part.gradient).for_each(|(sum, x)| *sum += x);
+            sum.squares += part.squares;
+            sum.log_determinant += part.log_determinant;
+            sum.n_measured += part.n_measured;
+            sum
+        })
+    }
+
+    /// For each frame the knots, counted from the first of `knots`, on which its markers depend: those between it and the reference.
+    fn reach(&self, observed: &Observed, frames: &Range<usize>, knots: &Range<usize>) -> Vec<Range<usize>> {
+        let first = |i: usize| self.splines.acting(observed.times[i], 0).first;
+        let reference = first(observed.reference);
+        let of = |i: usize| {
+            let (low, high) = (first(i).min(reference), first(i).max(reference) + ACTIVE);
+            low.saturating_sub(knots.start)..high.min(knots.end) - knots.start
+        };
+        frames.clone().map(of).collect()
+    }
+
+    /// The derivatives of one coordinate of a marker in frame `i`: by the unknowns before the coefficients, and by those of the knots
+    /// `range`, counted from the first of `knots`.
+    fn row(
+        &self,
+        observed: &Observed,
+        estimate: &Estimate,
+        i: usize,
+        marker: usize,
+        axis: usize,
+        (attitude, placed): (&Attitude, &Placed),
+        knots: &Range<usize>,
+        range: &Range<usize>,
+        out: &mut [f64],
+    ) {
+        let layout = self.layout;
+        let time = observed.times[i];
+        let t = time - observed.times[observed.reference];
+        let (along, arm) = (layout.axes[axis], placed.arms[marker]);
+        let (head, n) = (layout.coefficients(), layout.n_channels);
+        // −s hat(arm) R by displacements in axes of the root
+        let by_turn = placed.turn.tr_mul(&(hat(&arm) * along)) * estimate.scale;
+        if let Some(by) = &attitude.by_unknowns {
+            let [x, y, z] = [by_turn.x, by_turn.y, by_turn.z];
+            let columns = by.as_slice().chunks_exact(3);
+            let of_coefficients = columns.clone().skip(head + range.start * n);
+            for (out, column) in out.iter_mut().zip(columns.take(head).chain(of_coefficients)) {
+                *out = x * column[0] + y * column[1] + z * column[2];
+            }
+        }
+        out[layout.center().start + axis] += 1.0;
+        out[layout.velocity().start + axis] += t;
+        if let Some(k) = layout.scale() {
+            out[k] += along.dot(&arm);
+        }
+        if let Some(k) = layout.gravity() {
+            out[k] += along.dot(self.model.gravity()) * (0.5 * t * t);
+        }
+        let acting = self.splines.acting(time, 0);
+        let of_marker = &placed.by_channel[marker * n..(marker + 1) * n];
+        for k in 0..ACTIVE {
+            let knot = (acting.first + k).checked_sub(knots.start + range.start);
+            let Some(knot) = knot.filter(|k| *k < range.len()) else { continue };
+            let factor = acting.factors[k] * estimate.scale;
+            let first = head + knot * n;
+            for (x, by) in out[first..first + n].iter_mut().zip(of_marker) {
+                *x += along.dot(by) * factor;
+            }
+        }
+    }
+}
+
+impl Normal {
+    fn zero(n: usize) -> Self {
+        Self {
+            matrix: Mat::zeros(n, n),
+            gradient: vec![0.0; n],
+            squares: 0.0,
+            log_determinant: 0.0,
+            n_measured: 0,
+        }
+    }
+
+    /// Adds the products of `rows`, a column for each residual, with themselves and with the residuals `white`: of the first `head`
+    /// unknowns and of those in `columns`.
+    fn add(&mut self, rows: &Mat<f64>, head: usize, columns: &Range<usize>, white: &[f64]) {
+        let (lower, all) = (BlockStructure::TriangularLower, BlockStructure::Rectangular);
+        let width = columns.len();
+        let of_head = rows.submatrix(0, 0, head, rows.ncols());
+        let of_knots = rows.submatrix(head, 0, width, rows.ncols());
+        let mut product = |(i, j), structure, a: MatRef<'_, f64>, b: MatRef<'_, f64>| {
+            let target = self.matrix.submatrix_mut(i, j, a.nrows(), b.nrows());
+            matmul(target, structure, Accum::Add, a, all, b.transpose(), all, 1.0, Par::Seq);
+        };
+        product((0, 0), lower, of_head, of_head);
+        product((columns.start, 0), all, of_knots, of_head);
+        product((columns.start, columns.start), lower, of_knots, of_knots);
+        for (column, x) in rows.col_iter().zip(white) {
+            for i in 0..head {
+                self.gradient[i] += column[i] * x;
+            }
+            for i in 0..width {
+                self.gradient[columns.start + i] += column[head + i] * x;
+            }
+        }
+    }
+}
+
+/// For each frame that has a marker the knots on which what the filter makes of it depends: those of the frame, and of frames before
+/// that it remembers.
+fn remembered(seen: &[usize], steps: &[Whitening], reach: &[Range<usize>]) -> Vec<Range<usize>> {
+    let mut earliest = 0;
+    // what is left at each frame of those before: products of decay and of what is not corrected
+    let mut left: Vec<f64> = vec![0.0; seen.len()];
+    let mut found: Vec<Range<usize>> = Vec::with_capacity(seen.len());
+    for (j, step) in steps.iter().enumerate() {
+        left[earliest..j].iter_mut().for_each(|x| *x *= step.decay);
+        while earliest < j && left[earliest] < FORGOTTEN {
+            earliest += 1;
+        }
+        let own = &reach[seen[j]];
+        let all = seen[earliest..j]
+            .iter()
+            .fold(own.clone(), |all, i| all.start.min(reach[*i].start)..all.end.max(reach[*i].end));
+        found.push(all);
+        left[earliest..j].iter_mut().for_each(|x| *x *= 1.0 - step.gain);
+        left[j] = step.gain;
+    }
+    found
+}
+
+impl Layout {
+    /// A vector by its coordinates that count.
+    pub(super) fn within(&self, vector: &Vector3<f64>) -> Vector3<f64> {
+        let mut found = Vector3::zeros();
+        for (k, axis) in self.axes.iter().enumerate() {
+            found[k] = axis.dot(vector);
+        }
+        found
+    }
+}

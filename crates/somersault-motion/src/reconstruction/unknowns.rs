@@ -1,0 +1,123 @@
+//! What a reconstruction seeks, and where each unknown stands.
+
+use super::joints::JointSplines;
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use somersault_core::lie::so3;
+use somersault_multibody::{Group, Joint, Model};
+use std::ops::Range;
+
+/// A flight: what determines all of it.
+#[derive(Debug, Clone)]
+pub(super) struct Estimate {
+    /// Orientation of the root in its joint frame at the reference frame.
+    pub(super) orientation: UnitQuaternion<f64>,
+    /// L/s², world axes: the momentum of the body at scale 1 that turns alike.
+    pub(super) momentum: Vector3<f64>,
+    /// Centre of mass at the reference frame, and its velocity.
+    pub(super) center: Vector3<f64>,
+    pub(super) velocity: Vector3<f64>,
+    /// s.
+    pub(super) scale: f64,
+    /// g over that of the model.
+    pub(super) gravity: f64,
+    pub(super) coefficients: Vec<f64>,
+}
+
+/// The places of the unknowns: displacement of the orientation in axes of the root, momentum, centre of mass and
+/// velocity along `axes`, scale, gravity, coefficients of the joints.
+#[derive(Debug, Clone)]
+pub(super) struct Layout {
+    pub(super) is_planar: bool,
+    /// Columns in the world along which points count: all, or the two of the plane.
+    pub(super) axes: Vec<Vector3<f64>>,
+    /// Columns in the world along which the body turns: all, or the normal.
+    pub(super) turns: Vec<Vector3<f64>>,
+    pub(super) has_scale: bool,
+    pub(super) has_gravity: bool,
+    pub(super) n_channels: usize,
+}
+
+impl Layout {
+    pub(super) fn new(model: &Model, splines: &JointSplines, has_scale: bool, has_gravity: bool) -> Self {
+        let is_planar = model.joint(0).map(Joint::group) == Some(Group::PlanarMotions);
+        let rotation: Matrix3<f64> =
+            model.placement(0).map_or(Matrix3::identity(), |placement| placement.rotation);
+        let column = |k: usize| rotation.column(k).into_owned();
+        let (axes, turns) = if is_planar {
+            (vec![column(0), column(1)], vec![column(2)])
+        } else {
+            let unit = vec![Vector3::x(), Vector3::y(), Vector3::z()];
+            (unit.clone(), unit)
+        };
+        Self { is_planar, axes, turns, has_scale, has_gravity, n_channels: splines.n_channels() }
+    }
+
+    /// Coordinates of a point that count.
+    pub(super) fn dimension(&self) -> usize {
+        self.axes.len()
+    }
+
+    /// In axes of the root, along which its orientation is displaced.
+    pub(super) fn displacement(&self, k: usize) -> Vector3<f64> {
+        if self.is_planar { Vector3::z() } else { Vector3::ith(k, 1.0) }
+    }
+
+    pub(super) fn orientation(&self) -> Range<usize> {
+        0..self.turns.len()
+    }
+
+    pub(super) fn momentum(&self) -> Range<usize> {
+        let n = self.turns.len();
+        n..2 * n
+    }
+
+    pub(super) fn center(&self) -> Range<usize> {
+        let first = self.momentum().end;
+        first..first + self.axes.len()
+    }
+
+    pub(super) fn velocity(&self) -> Range<usize> {
+        let first = self.center().end;
+        first..first + self.axes.len()
+    }
+
+    pub(super) fn scale(&self) -> Option<usize> {
+        self.has_scale.then(|| self.velocity().end)
+    }
+
+    pub(super) fn gravity(&self) -> Option<usize> {
+        self.has_gravity.then(|| self.velocity().end + usize::from(self.has_scale))
+    }
+
+    /// Where the coefficients begin.
+    pub(super) fn coefficients(&self) -> usize {
+        self.velocity().end + usize::from(self.has_scale) + usize::from(self.has_gravity)
+    }
+
+    /// Number of unknowns with `n_knots` coefficients of each channel.
+    pub(super) fn n(&self, n_knots: usize) -> usize {
+        self.coefficients() + n_knots * self.n_channels
+    }
+
+    /// The estimate displaced by `step`, whose coefficients are those from the knot `first` on.
+    pub(super) fn advance(&self, estimate: &Estimate, step: &[f64], first: usize) -> Estimate {
+        let mut moved = estimate.clone();
+        let sum = |range: Range<usize>, columns: &[Vector3<f64>]| {
+            columns.iter().zip(&step[range]).fold(Vector3::zeros(), |sum, (column, x)| sum + column * *x)
+        };
+        let turn = self.orientation().fold(Vector3::zeros(), |sum, k| sum + self.displacement(k) * step[k]);
+        moved.orientation = so3::renormalize(&(estimate.orientation * so3::exp(&turn)));
+        moved.momentum += sum(self.momentum(), &self.turns);
+        moved.center += sum(self.center(), &self.axes);
+        moved.velocity += sum(self.velocity(), &self.axes);
+        moved.scale += self.scale().map_or(0.0, |k| step[k]);
+        moved.gravity += self.gravity().map_or(0.0, |k| step[k]);
+        let coefficients = &step[self.coefficients()..];
+        let at = first * self.n_channels;
+        moved.coefficients[at..at + coefficients.len()]
+            .iter_mut()
+            .zip(coefficients)
+            .for_each(|(c, x)| *c += x);
+        moved
+    }
+}

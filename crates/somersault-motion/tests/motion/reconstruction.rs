@@ -1,0 +1,549 @@
+//! Flights are reconstructed from markers of flights that the full equations of motion flew, with joints that
+//! are no splines.
+
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use somersault_integrators::driver::TimeGrid;
+use somersault_integrators::methods::{Dop853, RungeKuttaMuntheKaas};
+use somersault_integrators::run::Run;
+use somersault_integrators::solution::Recorder;
+use somersault_motion::fit::{FitError, FitOptions, MarkerFit, MarkerSet, Scale};
+use somersault_motion::reconstruction::{
+    BodyScale, FlightReconstruction, MarkerNoise, ReconstructedFlight, ReconstructionError,
+    ReconstructionOptions, ReconstructionStatus,
+};
+use somersault_motion::recording::MarkerRecording;
+use somersault_multibody::models::{Diver, Posture};
+use somersault_multibody::motion::TreeSystem;
+use somersault_multibody::{Data, Joint, Link, MassProperties, Model, ModelBuilder, Split};
+use std::f64::consts::TAU;
+
+/// A flight that is known, of a body that is larger than its model.
+struct Truth {
+    model: Model,
+    times: Vec<f64>,
+    q: Vec<Vec<f64>>,
+    v: Vec<Vec<f64>>,
+    momentum: Vector3<f64>,
+}
+
+/// Size of the bodies over that of their models.
+const SCALE: f64 = 1.04;
+
+/// The smooth step of the hyperbolic tangent, with two derivatives by t.
+fn step(t: f64, middle: f64, width: f64) -> [f64; 3] {
+    let x = (t - middle) / width;
+    let y = x.tanh();
+    let slope = 1.0 - y * y;
+    [0.5 * (1.0 + y), 0.5 * slope / width, -y * slope / (width * width)]
+}
+
+/// The flight of a tree by its full equations of motion, joints accelerated as `drive` says.
+fn fly(model: Model, q: &[f64], v: &[f64], drive: impl Fn(f64, usize) -> f64, n: u64, rate: f64) -> Truth {
+    let n_root = model.velocities_of(0).len();
+    let accelerate = |t: f64, _: &[f64], _: &[f64], a: &mut [f64]| {
+        a[n_root..].iter_mut().enumerate().for_each(|(k, a)| *a = drive(t, k));
+    };
+    let system = TreeSystem::new(&model, ()).driven(Split::all_but_root(&model), accelerate).unwrap();
+    let start = model.state(q, v).unwrap();
+    let grid = TimeGrid::try_with_steps(0.0, n as f64 / rate, 8 * n).unwrap();
+    let mut recorder = Recorder::new(0.0, &start, 8);
+    let method = RungeKuttaMuntheKaas(Dop853);
+    Run::by_stepper(&system, &method, grid).observed_by(&mut recorder).from(&start).unwrap();
+    let mut data = Data::new(&model);
+    let momentum = model.centroidal(&mut data, q).unwrap().momentum(v).unwrap().angular * (SCALE * SCALE);
+    let states = recorder.into_solution().states;
+    let q = states.iter().map(|s| s.configuration.as_slice().to_vec()).collect();
+    let velocity = |s| {
+        let mut v = vec![0.0; model.n_velocities()];
+        model.joint_velocities(s, &mut v).unwrap();
+        v
+    };
+    let v = states.iter().map(velocity).collect();
+    let times = (0..=n).map(|i| i as f64 / rate).collect();
+    Truth { times, q, v, momentum, model }
+}
+
+/// A diver who goes into a pike and out of it, each joint at times of its own.
+fn dive(diver: &Diver) -> Truth {
+    let model = diver.model().unwrap();
+    let planar = model.n_positions() == 12;
+    let (root_q, root_v) = if planar { (3, 3) } else { (7, 6) };
+    let [open, fold] = [Posture::A, Posture::H].map(|p| diver.configuration(p).unwrap());
+    let (opened, folded) = (open.clone(), fold.clone());
+    let joints = move |t: f64, k: usize| -> [f64; 3] {
+        let late = 0.03 * (1.7 * k as f64).sin();
+        let (close, open_again) = (step(t, 0.25 + late, 0.07), step(t, 1.0 + 0.5 * late, 0.08));
+        let reach = folded[root_q + k] - opened[root_q + k];
+        let (wave, w) = (0.04 * (k as f64 + 1.0).cos(), 3.0 + 0.2 * k as f64);
+        let (s, c) = (w * t).sin_cos();
+        let sway = [opened[root_q + k] + wave * s, wave * w * c, -wave * w * w * s];
+        std::array::from_fn(|d| sway[d] + reach * (close[d] - open_again[d]))
+    };
+    let (mut q, mut v) = (model.neutral(), vec![0.0; model.n_velocities()]);
+    for k in 0..v.len() - root_v {
+        [q[root_q + k], v[root_v + k]] = [joints(0.0, k)[0], joints(0.0, k)[1]];
+    }
+    if planar {
+        (q[1], q[2]) = (3.0, -0.2);
+        v[..3].copy_from_slice(&[1.0, 4.5, -4.0]);
+    } else {
+        q[2] = 3.0;
+        q[3..7].copy_from_slice(UnitQuaternion::from_euler_angles(0.02, 0.2, 0.3).coords.as_slice());
+        v[..6].copy_from_slice(&[1.0, 0.1, 4.5, 0.1, 4.0, 0.6]);
+    }
+    fly(model, &q, &v, |t, k| joints(t, k)[2], 140, 100.0)
+}
+
+/// A twisting somersault of a tree with ball joints for shoulders, and hinges for hips and knees.
+fn gymnast() -> Truth {
+    let part = |mass: f64, length: f64, width: f64| {
+        let (along, across) = (length * length / 12.0, width * width / 6.0);
+        let inertia = Matrix3::from_diagonal(&Vector3::new(along + across, along, across)) * mass;
+        MassProperties { mass, center: Vector3::new(0.0, 0.0, -0.5 * length), inertia }
+    };
+    let mut builder = ModelBuilder::new();
+    builder.add(Link::root("torso", Joint::Free, part(35.0, 0.6, 0.3))).unwrap();
+    for (side, y) in [("right", -0.2), ("left", 0.2)] {
+        let arm = Link::child(format!("{side}_arm"), "torso", Joint::Spherical, part(4.0, 0.6, 0.08));
+        builder.add(arm.at(Vector3::new(0.0, y, -0.02))).unwrap();
+    }
+    let hinge = Joint::Revolute { axis: -Vector3::y() };
+    let thigh = Link::child("thigh", "torso", hinge, part(16.0, 0.42, 0.2));
+    builder.add(thigh.at(Vector3::new(0.0, 0.0, -0.6))).unwrap();
+    let shank = Link::child("shank", "thigh", Joint::Revolute { axis: Vector3::y() }, part(9.0, 0.45, 0.15));
+    builder.add(shank.at(Vector3::new(0.0, 0.0, -0.42))).unwrap();
+    let model = builder.build().unwrap();
+    let drive = |t: f64, k: usize| match k {
+        0..6 => (6.0 * (k as f64 - 2.0).cos()) * (5.0 * t + k as f64).sin(),
+        6 => 1.6 * (step(t, 0.25, 0.09)[2] - step(t, 0.75, 0.09)[2]),
+        _ => 1.2 * (step(t, 0.3, 0.09)[2] - step(t, 0.7, 0.08)[2]),
+    };
+    let mut q = model.neutral();
+    q[2] = 3.0;
+    q[3..7].copy_from_slice(UnitQuaternion::from_euler_angles(0.05, 0.3, 0.1).coords.as_slice());
+    let mut v = vec![0.0; model.n_velocities()];
+    v[..6].copy_from_slice(&[1.0, 0.1, 4.0, 0.3, 5.0, 1.5]);
+    fly(model, &q, &v, drive, 50, 50.0)
+}
+
+/// Box and Muller.
+fn normal(rng: &mut ChaCha8Rng) -> f64 {
+    let (u, v): (f64, f64) = (rng.random_range(f64::MIN_POSITIVE..1.0), rng.random_range(0.0..1.0));
+    (-2.0 * u.ln()).sqrt() * (TAU * v).cos()
+}
+
+/// Markers at joint centres, and one more on each body that no other would show.
+fn markers(model: &Model) -> MarkerSet {
+    let mut all: Vec<(String, String, [f64; 3])> = Vec::new();
+    for link in model.links().iter().map(|link| link.name().to_owned()) {
+        let points: &[[f64; 3]] = match link.rsplit('_').next().unwrap() {
+            "head" => &[[0.0; 3], [0.1, 0.0, 0.2]],
+            "hand" => &[[0.0; 3], [0.02, 0.01, -0.18]],
+            "toes" => &[[0.0; 3], [0.06, 0.0, 0.0]],
+            "pelvis" => &[[-0.12, 0.0, -0.05]],
+            "waist" | "abduction" => continue,
+            "arm" => &[[0.05, 0.0, -0.3], [0.0, 0.03, -0.6]],
+            "torso" => &[[0.1, 0.15, 0.0], [0.1, -0.15, 0.0], [-0.1, 0.0, 0.1]],
+            "shank" => &[[0.0; 3], [0.05, 0.0, -0.4]],
+            _ => &[[0.0; 3]],
+        };
+        all.extend(points.iter().enumerate().map(|(k, point)| (format!("{link} {k}"), link.clone(), *point)));
+    }
+    MarkerSet::on_bodies(model, all).unwrap()
+}
+
+/// Where the markers are, with noise of which a fraction is correlated over 0.15 s.
+fn record(
+    truth: &Truth,
+    set: &MarkerSet,
+    noise: f64,
+    share: f64,
+    missing: f64,
+    seed: u64,
+) -> MarkerRecording {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut data = Data::new(&truth.model);
+    let n = set.markers().len();
+    let mut slow: Vec<Vector3<f64>> = (0..n).map(|_| Vector3::from_fn(|_, _| normal(&mut rng))).collect();
+    let mut points = Vec::new();
+    for (i, q) in truth.q.iter().enumerate() {
+        let decay = if i > 0 { (-(truth.times[i] - truth.times[i - 1]) / 0.15).exp() } else { 1.0 };
+        let positions = truth.model.positions(&mut data, q).unwrap();
+        let center = positions.center_of_mass();
+        for (marker, slow) in set.markers().iter().zip(&mut slow) {
+            *slow = *slow * decay + Vector3::from_fn(|_, _| normal(&mut rng)) * (1.0 - decay * decay).sqrt();
+            let white = Vector3::from_fn(|_, _| normal(&mut rng));
+            let error = (*slow * share.sqrt() + white * (1.0 - share).sqrt()) * noise;
+            let arm = positions.pose(marker.body).unwrap().point(&marker.point) - center;
+            let is_there = rng.random_range(0.0..1.0) >= missing;
+            points.push(is_there.then(|| center + arm * SCALE + error));
+        }
+    }
+    let names = set.markers().iter().map(|m| m.name.clone()).collect();
+    MarkerRecording::try_new(names, truth.times.clone(), points).unwrap()
+}
+
+fn reconstruct(
+    truth: &Truth,
+    set: &MarkerSet,
+    seen: &MarkerRecording,
+    options: ReconstructionOptions,
+) -> ReconstructedFlight {
+    FlightReconstruction::try_new(&truth.model, set.clone(), options).unwrap().reconstruct(seen).unwrap()
+}
+
+/// Momentum, angular velocity in world axes, and the moment of inertia about the axis of the momentum, of a configuration and velocity.
+fn mechanics(truth: &Truth, q: &[f64], v: &[f64]) -> (Vector3<f64>, Vector3<f64>, f64) {
+    let model = &truth.model;
+    let mut data = Data::new(model);
+    let centroidal = model.centroidal(&mut data, q).unwrap();
+    let momentum = centroidal.momentum(v).unwrap().angular * (SCALE * SCALE);
+    let rates = model.velocities_of(0);
+    let axis = truth.momentum.normalize();
+    let angular = if rates.len() == 3 { 2..3 } else { 3..6 };
+    // the momentum of a unit turn about the axis, joints locked
+    let turn = model.positions(&mut Data::new(model), q).unwrap().pose(0).unwrap().rotation;
+    let (mut rate, mut unit) = (vec![0.0; v.len()], turn.tr_mul(&axis));
+    if rates.len() == 3 {
+        unit = Vector3::new(unit.z, 0.0, 0.0);
+    }
+    rate[angular.clone()].copy_from_slice(&unit.as_slice()[..angular.len()]);
+    let inertia = centroidal.momentum(&rate).unwrap().angular.dot(&axis) * (SCALE * SCALE);
+    let omega = if rates.len() == 3 { Vector3::z() * v[2] } else { Vector3::from_column_slice(&v[3..6]) };
+    (momentum, turn * omega, inertia)
+}
+
+/// How many standard deviations numbers are off that may differ.
+fn off(found: &Vector3<f64>, truth: &Vector3<f64>, deviation: &Vector3<f64>) -> Vec<f64> {
+    let seen = (0..3).filter(|k| deviation[*k] > 1e-9);
+    seen.map(|k| ((found[k] - truth[k]) / deviation[k]).abs()).collect()
+}
+
+/// Root mean square of a row of numbers.
+fn rms(numbers: impl Iterator<Item = f64>) -> f64 {
+    let (sum, n) = numbers.fold((0.0, 0.0), |(sum, n), x| (sum + x * x, n + 1.0));
+    (sum / n).sqrt()
+}
+
+/// By how many standard deviations momentum, velocity, scale, angular velocity, moment of inertia and joints are off.
+fn all_off(truth: &Truth, flight: &ReconstructedFlight) -> Vec<f64> {
+    let first = &truth.q[0];
+    let (mut data, model) = (Data::new(&truth.model), &truth.model);
+    let velocity =
+        model.centroidal(&mut data, first).unwrap().momentum(&truth.v[0]).unwrap().linear / model.mass();
+    let mut found = off(&flight.angular_momentum.value, &truth.momentum, &flight.angular_momentum.deviation);
+    found.extend(off(&flight.velocity.value, &velocity, &flight.velocity.deviation));
+    found.push(((flight.scale[0] - SCALE) / flight.scale[1]).abs());
+    let mut apart = vec![0.0; model.n_velocities()];
+    for i in (0..truth.times.len()).step_by(7) {
+        let frame = &flight.frames[i];
+        let (_, omega, inertia) = mechanics(truth, &truth.q[i], &truth.v[i]);
+        found.extend(off(&frame.angular_velocity.value, &omega, &frame.angular_velocity.deviation));
+        found.push(((frame.moment_of_inertia - inertia) / frame.moment_of_inertia_deviation).abs());
+        model.difference(&truth.q[i], &frame.q, &mut apart).unwrap();
+        let n = frame.deviations.len();
+        let turned = &apart[apart.len() - n..];
+        found.extend(turned.iter().zip(&frame.deviations).map(|(x, deviation)| (x / deviation).abs()));
+    }
+    found
+}
+
+#[test]
+fn flights_of_balls_and_hinges_are_recovered_within_their_intervals() {
+    let truth = gymnast();
+    let set = markers(&truth.model);
+    for (noise, share) in [(0.01, 0.0), (0.02, 0.7)] {
+        let seen = record(&truth, &set, noise, share, 0.05, 11);
+        let flight = reconstruct(&truth, &set, &seen, ReconstructionOptions::default());
+        assert!(flight.success(), "{:?} χ² {:?}", flight.status, flight.chi_squared);
+        assert!((flight.noise.size / noise - 1.0).abs() < 0.15, "{:?}", flight.noise);
+        assert!((flight.noise.correlated - share).abs() < 0.3, "{:?}", flight.noise);
+        let off = all_off(&truth, &flight);
+        let within = off.iter().filter(|z| **z < 1.96).count() as f64 / off.len() as f64;
+        assert!(within > 0.85 && off.iter().all(|z| *z < 5.0), "{within} {off:?}");
+        assert!(flight.full_dynamics_defect < 1e-4 && flight.unseen.is_empty());
+        // two turns about each axis or more, counted along the truth
+        let last = &flight.frames[flight.frames.len() - 1];
+        assert!((last.somersaults - flight.somersaults()).abs() < 1e-15 && last.somersaults > 0.5);
+    }
+}
+
+#[test]
+fn momentum_is_constant_and_the_centre_of_mass_falls_whatever_the_noise() {
+    let truth = gymnast();
+    let set = markers(&truth.model);
+    let seen = record(&truth, &set, 0.03, 0.7, 0.0, 5);
+    let flight = reconstruct(&truth, &set, &seen, ReconstructionOptions::default());
+    let mut data = Data::new(&truth.model);
+    let squared = flight.scale[0].powi(2);
+    for frame in &flight.frames {
+        // about the centre of mass, so that the velocity of the root does not count
+        let momentum = truth.model.centroidal(&mut data, &frame.q).unwrap().momentum(&frame.v).unwrap();
+        let momentum = momentum.angular * squared;
+        assert!((momentum - flight.angular_momentum.value).norm() < 1e-10 * momentum.norm());
+        let t = frame.time - flight.frames[0].time;
+        let fallen =
+            flight.center_of_mass.value + flight.velocity.value * t - Vector3::z() * (0.5 * 9.81 * t * t);
+        assert!((frame.center_of_mass - fallen).norm() < 1e-12);
+    }
+}
+
+/// A filter of S. Butterworth of second order, forwards and backwards, at `cut` of a rate; ends continue by reflection.
+fn zero_lag(values: &mut [f64], cut: f64, rate: f64) {
+    // the corner is raised so that both passes together have it
+    let c = 1.0 / ((std::f64::consts::PI * cut / rate).tan() / (2f64.sqrt() - 1.0).powf(0.25));
+    let b0 = 1.0 / (1.0 + 2f64.sqrt() * c + c * c);
+    let (a1, a2) = (2.0 * (1.0 - c * c) * b0, (1.0 - 2f64.sqrt() * c + c * c) * b0);
+    let n = values.len();
+    let pad = n.min(60) - 1;
+    let (first, last) = (values[0], values[n - 1]);
+    let mut x: Vec<f64> = (1..=pad).rev().map(|k| 2.0 * first - values[k]).collect();
+    x.extend_from_slice(values);
+    x.extend((1..=pad).map(|k| 2.0 * last - values[n - 1 - k]));
+    for _ in 0..2 {
+        let (mut u, mut w) = ([x[0]; 2], [x[0]; 2]);
+        for value in &mut x {
+            let y = b0 * (*value + 2.0 * u[0] + u[1]) - a1 * w[0] - a2 * w[1];
+            (u, w) = ([*value, u[0]], [y, w[0]]);
+            *value = y;
+        }
+        x.reverse();
+    }
+    values.copy_from_slice(&x[pad..pad + n]);
+}
+
+/// What is usual: fits of single frames at the known size, a filter without lag, differences.
+fn usual(truth: &Truth, set: &MarkerSet, seen: &MarkerRecording, cut: f64) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
+    let options = FitOptions { scale: Scale::Fixed(SCALE), ..FitOptions::default() };
+    let fit = MarkerFit::try_new(&truth.model, set.clone(), options).unwrap().fit(seen).unwrap();
+    let n = truth.times.len();
+    let mut q: Vec<Vec<f64>> = fit.frames.iter().map(|frame| frame.estimate.q.clone()).collect();
+    for k in 0..q[0].len() {
+        let mut channel: Vec<f64> = q.iter().map(|q| q[k]).collect();
+        for i in 1..n {
+            if k == 2 {
+                channel[i] += TAU * ((channel[i - 1] - channel[i]) / TAU).round();
+            }
+        }
+        zero_lag(&mut channel, cut, 100.0);
+        q.iter_mut().zip(&channel).for_each(|(q, x)| q[k] = *x);
+    }
+    let mut v = Vec::new();
+    for i in 0..n {
+        let (a, b) = (i.saturating_sub(1), (i + 1).min(n - 1));
+        let mut rate = vec![0.0; truth.model.n_velocities()];
+        truth.model.difference(&q[a], &q[b], &mut rate).unwrap();
+        rate.iter_mut().for_each(|x| *x /= truth.times[b] - truth.times[a]);
+        v.push(rate);
+    }
+    (q, v)
+}
+
+/// Errors of momentum frame by frame, of its mean, of the moment of inertia and of the angular velocity: as reconstructed, and by the usual way
+/// with the better of two filters; both know the size of the body.
+fn errors(truth: &Truth, set: &MarkerSet, share: f64, seed: u64) -> [[f64; 4]; 2] {
+    let seen = record(truth, set, 0.03, share, 0.0, seed);
+    let options =
+        ReconstructionOptions { scale: BodyScale::Known(SCALE), ..ReconstructionOptions::default() };
+    let flight = reconstruct(truth, set, &seen, options);
+    let exact: Vec<_> = truth.q.iter().zip(&truth.v).map(|(q, v)| mechanics(truth, q, v)).collect();
+    let miss = (flight.angular_momentum.value - truth.momentum).norm();
+    let of_flight = [
+        miss,
+        miss,
+        rms(flight.frames.iter().zip(&exact).map(|(frame, exact)| frame.moment_of_inertia - exact.2)),
+        rms(flight.frames.iter().zip(&exact).map(|(f, exact)| (f.angular_velocity.value - exact.1).norm())),
+    ];
+    let mut of_usual = [f64::INFINITY; 4];
+    for cut in [6.0, 12.0] {
+        let (q, v) = usual(truth, set, &seen, cut);
+        let found: Vec<_> = q.iter().zip(&v).map(|(q, v)| mechanics(truth, q, v)).collect();
+        let mean = found.iter().map(|found| found.0).sum::<Vector3<f64>>() / found.len() as f64;
+        let of_cut = [
+            rms(found.iter().map(|found| (found.0 - truth.momentum).norm())),
+            (mean - truth.momentum).norm(),
+            rms(found.iter().zip(&exact).map(|(found, exact)| found.2 - exact.2)),
+            rms(found.iter().zip(&exact).map(|(found, exact)| (found.1 - exact.1).norm())),
+        ];
+        of_usual.iter_mut().zip(of_cut).for_each(|(best, x)| *best = best.min(x));
+    }
+    [of_flight, of_usual]
+}
+
+/// Ratios of the usual errors to those of reconstructions, each over all seeds.
+fn gains(truth: &Truth, share: f64, seeds: std::ops::Range<u64>) -> [f64; 4] {
+    let set = markers(&truth.model);
+    let all: Vec<_> = seeds.map(|seed| errors(truth, &set, share, seed)).collect();
+    std::array::from_fn(|k| rms(all.iter().map(|e| e[1][k])) / rms(all.iter().map(|e| e[0][k])))
+}
+
+#[test]
+fn momentum_is_found_several_times_better_than_by_filters_and_differences() {
+    let truth = dive(&Diver::planar());
+    let found = gains(&truth, 0.7, 2..4);
+    println!(
+        "correlated: momentum {:.1}, mean {:.1}, inertia {:.1}, angular velocity {:.1}",
+        found[0], found[1], found[2], found[3]
+    );
+    assert!(found[0] > 4.0, "{found:?}");
+}
+
+#[test]
+#[ignore = "a study of 24 flights"]
+fn gains_over_filters_and_differences() {
+    for diver in [Diver::planar(), Diver::spatial()] {
+        let truth = dive(&diver);
+        let n = if diver == Diver::planar() { 10 } else { 2 };
+        for share in [0.0, 0.7] {
+            let [momentum, mean, inertia, rate] = gains(&truth, share, 0..n);
+            println!(
+                "{:?} {share}: momentum {momentum:.1}, mean {mean:.1}, inertia {inertia:.1}, angular velocity {rate:.1}",
+                diver.dimension
+            );
+        }
+    }
+}
+
+/// How often intervals of 95 % hold the momentum, the velocity and all results of `n` flights with correlated noise of 30 mm.
+fn coverage(truth: &Truth, n: u64) -> [f64; 3] {
+    let set = markers(&truth.model);
+    let (mut of_momentum, mut of_velocity, mut of_all) = (Vec::new(), Vec::new(), Vec::new());
+    for seed in 100..100 + n {
+        let seen = record(truth, &set, 0.03, 0.7, 0.02, seed);
+        let flight = reconstruct(truth, &set, &seen, ReconstructionOptions::default());
+        assert!(flight.success(), "{seed}: {:?}", flight.status);
+        let off = all_off(truth, &flight);
+        // in the plane there are one number of the momentum and two of the velocity
+        let [n_momentum, n_velocity] = if truth.model.n_positions() == 12 { [1, 2] } else { [3, 3] };
+        of_momentum.extend_from_slice(&off[..n_momentum]);
+        of_velocity.extend_from_slice(&off[n_momentum..n_momentum + n_velocity]);
+        of_all.extend(off);
+    }
+    let within = |off: &[f64]| off.iter().filter(|z| **z < 1.96).count() as f64 / off.len() as f64;
+    let found = [within(&of_momentum), within(&of_velocity), within(&of_all)];
+    println!("momentum {:.3}, velocity {:.3}, all {:.3} of {n} flights", found[0], found[1], found[2]);
+    found
+}
+
+#[test]
+#[ignore = "a study of 60 flights"]
+fn intervals_of_dives_hold_the_truth_as_often_as_documented() {
+    let [momentum, velocity, all] = coverage(&dive(&Diver::planar()), 60);
+    // as often as they say but for the momentum, whose intervals are too short by a fifth
+    assert!(velocity > 0.88 && all > 0.88 && momentum > 0.75);
+}
+
+#[test]
+#[ignore = "a study of 60 flights"]
+fn intervals_of_balls_and_hinges_hold_the_truth_as_often_as_they_say() {
+    let found = coverage(&gymnast(), 60);
+    assert!(found.iter().all(|x| *x > 0.88), "{found:?}");
+}
+
+#[test]
+fn a_wrong_rate_is_a_misfit_and_is_found_by_gravity() {
+    let truth = gymnast();
+    let set = markers(&truth.model);
+    let seen = record(&truth, &set, 0.01, 0.0, 0.0, 3);
+    // 50 frames a second, declared as 60
+    let times: Vec<f64> = truth.times.iter().map(|t| t / 1.2).collect();
+    let points = seen.frames().flatten().copied().collect();
+    let quick = MarkerRecording::try_new(seen.names().to_vec(), times, points).unwrap();
+    let held = reconstruct(&truth, &set, &quick, ReconstructionOptions::default());
+    assert_eq!(held.status, ReconstructionStatus::Misfit);
+    assert!(!held.success() && held.chi_squared.unwrap() > held.chi_squared_range[1]);
+    let options = ReconstructionOptions { seek_gravity: true, ..ReconstructionOptions::default() };
+    let freed = reconstruct(&truth, &set, &quick, options);
+    assert!(freed.success(), "{:?} {:?}", freed.status, freed.chi_squared);
+    assert!((freed.gravity[0] / 1.44 - 1.0).abs() < 0.02 && freed.gravity[1] < 0.02, "{:?}", freed.gravity);
+}
+
+#[test]
+fn outliers_are_trusted_less() {
+    let truth = gymnast();
+    let set = markers(&truth.model);
+    let seen = record(&truth, &set, 0.01, 0.0, 0.0, 3);
+    let n = seen.n_markers();
+    let shifted =
+        |(k, p): (usize, &Option<Vector3<f64>>)| p.map(|p| if k % 41 == 7 { p + Vector3::x() } else { p });
+    let points: Vec<_> = seen.frames().flatten().enumerate().map(shifted).collect();
+    assert_eq!(points.len(), n * truth.times.len());
+    let wrong = MarkerRecording::try_new(seen.names().to_vec(), truth.times.clone(), points).unwrap();
+    let noise = Some(MarkerNoise::white(0.01));
+    let miss = |threshold| {
+        let options = ReconstructionOptions { threshold, noise, ..ReconstructionOptions::default() };
+        (reconstruct(&truth, &set, &wrong, options).angular_momentum.value - truth.momentum).norm()
+    };
+    let [trusting, robust] = [miss(None), miss(Some(3.0))];
+    assert!(robust < 0.4 * trusting);
+}
+
+#[test]
+fn joints_that_no_marker_sees_are_named() {
+    let truth = gymnast();
+    let all = markers(&truth.model);
+    let kept = all.markers().iter().filter(|marker| marker.name != "shank 1").cloned().collect();
+    let set = MarkerSet::try_new(&truth.model, kept).unwrap();
+    let seen = record(&truth, &set, 0.01, 0.0, 0.0, 3);
+    let options =
+        ReconstructionOptions { scale: BodyScale::Known(SCALE), ..ReconstructionOptions::default() };
+    let flight = reconstruct(&truth, &set, &seen, options);
+    let knee = truth.model.velocities_of(truth.model.body("shank").unwrap()).start;
+    assert_eq!(flight.unseen, [knee]);
+    // so heavy a shank matters
+    assert_eq!(flight.status, ReconstructionStatus::Undetermined);
+    assert_eq!(flight.scale, [SCALE, 0.0]);
+}
+
+#[test]
+fn what_cannot_be_reconstructed_is_said_by_name() {
+    let truth = gymnast();
+    let set = markers(&truth.model);
+    let seen = record(&truth, &set, 0.01, 0.0, 0.0, 3);
+    let default = ReconstructionOptions::default;
+    let refused = |options: ReconstructionOptions| {
+        FlightReconstruction::try_new(&truth.model, set.clone(), options).unwrap_err().to_string()
+    };
+    assert_eq!(
+        refused(ReconstructionOptions { knot_spacing: -1.0, ..default() }),
+        "`knot_spacing` must be positive and finite, found -1"
+    );
+    assert_eq!(
+        refused(ReconstructionOptions { threshold: Some(0.1), ..default() }),
+        "`threshold` must be from 1 to 1000, found 0.1"
+    );
+    assert_eq!(
+        refused(ReconstructionOptions { max_iterations: 0, ..default() }),
+        "`max_iterations` must be at least 1, found 0"
+    );
+    assert_eq!(
+        refused(ReconstructionOptions {
+            scale: BodyScale::Sought { mean: 1.0, deviation: 0.5 },
+            ..default()
+        }),
+        "`deviation of the scale` must be positive and at most 0.3 of its mean, found 0.5"
+    );
+    let arm = somersault_multibody::models::TwoLinkArm::default().model().unwrap();
+    let held = FlightReconstruction::try_new(&arm, MarkerSet::joint_centres(&arm).unwrap(), default());
+    assert!(matches!(held, Err(ReconstructionError::Flight(_))));
+    let run = |options| {
+        FlightReconstruction::try_new(&truth.model, set.clone(), options).unwrap().reconstruct(&seen)
+    };
+    let short = run(ReconstructionOptions { interval: Some((0.0, 0.1)), ..default() });
+    assert_eq!(short, Err(ReconstructionError::TooFewFrames { least: 10, found: 6 }));
+    let fine = run(ReconstructionOptions { knot_spacing: 1e-9, ..default() });
+    assert!(matches!(fine, Err(ReconstructionError::TooManyUnknowns { limit: 3000, .. })));
+    let names = (0..seen.n_markers()).map(|k| format!("other {k}")).collect();
+    let points = seen.frames().flatten().copied().collect();
+    let other = MarkerRecording::try_new(names, truth.times.clone(), points).unwrap();
+    let found =
+        FlightReconstruction::try_new(&truth.model, set.clone(), default()).unwrap().reconstruct(&other);
+    assert!(matches!(found, Err(ReconstructionError::Fit(FitError::NoCommonMarker { .. }))));
+    let token = somersault_core::cancel::CancellationToken::new();
+    token.cancel();
+    let problem = FlightReconstruction::try_new(&truth.model, set, default()).unwrap();
+    let stopped = problem.reconstruct_cancellable(&seen, &token);
+    assert_eq!(stopped, Err(ReconstructionError::Fit(FitError::Interrupted)));
+}

@@ -1,0 +1,140 @@
+"""The flight behind a recording, from Python."""
+
+import pickle
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from somersault import Model, motion, multibody, plotting
+
+DIVER = multibody.diver_planar()
+MARKERS = motion.MarkerSet.joint_centres(DIVER.model)
+OPEN, PIKE = DIVER.configuration("A"), DIVER.configuration("H")
+
+
+@cache
+def true() -> Any:
+    """A pike in the air."""
+
+    def fold(t: float) -> tuple[Any, Any]:
+        return OPEN[3:] + np.sin(2 * t) ** 2 * (PIKE - OPEN)[3:], 2 * np.sin(4 * t) * (PIKE - OPEN)[3:]
+
+    v = np.zeros(12)
+    v[:3] = 1.0, 4.0, -4.0
+    return multibody.fly(DIVER.model, OPEN, v, fold, (0.0, 0.8), dt=0.02)
+
+
+@cache
+def seen() -> motion.MarkerRecording:
+    """Its joint centres with noise of 20 mm, of which one is missing now and then."""
+    centres = motion.place_markers(MARKERS, true().t, true().q)
+    rng = np.random.default_rng(4)
+    points = centres.points + rng.normal(0.0, 0.02, centres.points.shape)
+    return motion.MarkerRecording(centres.names, centres.times, points, rng.random(points.shape[:2]) > 0.05)
+
+
+@cache
+def flight() -> motion.ReconstructedFlight:
+    return motion.reconstruct_flight(MARKERS, seen())
+
+
+def test_the_flight_is_that_which_was_seen() -> None:
+    found = flight()
+    assert found.success and found.status == "converged" and len(found) == len(true().t)
+    momentum = DIVER.model.centroidal_momentum(true().q[0], true().v[0])[3:]
+    off = np.abs(found.angular_momentum - momentum)
+    assert (off < 4 * found.angular_momentum_deviation + 1e-9).all()
+    assert abs(found.scale - 1.0) < 4 * found.scale_deviation
+    assert np.allclose(found.times, true().t)
+    # somersaults of the plane are those of the angle, forwards positive
+    turns = -(true().q[-1, 2] - true().q[0, 2]) / (2 * np.pi)
+    assert abs(found.somersaults[-1] - turns) < 4 * found.somersaults_deviation < 0.2
+    assert np.allclose(found.somersaults, motion.somersaults(DIVER.model, found.q), atol=1e-9)
+    assert found.unseen == ("toes", "head", "hand") and "no marker sees toes, head, hand" in found.message
+    lower, upper = found.chi_squared_range
+    assert found.chi_squared is not None and lower < found.chi_squared < upper
+    assert abs(found.noise[0] - 0.02) < 0.004 and found.full_dynamics_defect < 1e-3
+
+
+def test_the_laws_of_flight_hold_exactly() -> None:
+    found = flight()
+    t = found.times - found.times[0]
+    fallen = found.center_of_mass[0] + t[:, None] * found.take_off_velocity
+    fallen[:, 2] -= 0.5 * 9.81 * t**2
+    assert np.abs(fallen - found.center_of_mass).max() < 1e-12
+    momentum = DIVER.model.centroidal_momentum(found.q, found.v)[:, 4] * found.scale**2
+    assert np.abs(momentum / found.angular_momentum[1] - 1.0).max() < 1e-10
+    assert abs(found.height - found.take_off_velocity[2] ** 2 / (2 * 9.81)) < 1e-12
+    axis = found.angular_momentum / np.linalg.norm(found.angular_momentum)
+    assert np.allclose(np.einsum("i,kij,j->k", axis, found.inertia, axis), found.moment_of_inertia)
+
+
+def test_arrays_have_the_shapes_that_are_documented() -> None:
+    found, n = flight(), len(flight())
+    shapes = {
+        "q": (n, 12), "v": (n, 12), "deviations": (n, 10), "angular_velocity": (n, 3),
+        "angular_velocity_deviation": (n, 3), "moment_of_inertia_deviation": (n,), "inertia": (n, 3, 3),
+        "twists": (n,), "tilt": (n,), "covariance": (11, 11), "residuals": (n, 10),
+    }  # fmt: skip
+    for name, shape in shapes.items():
+        assert np.shape(getattr(found, name)) == shape, name
+    assert np.isnan(found.residuals).sum() == (~seen().present).sum()
+    assert set(found.marker_rms) == set(MARKERS.names)
+
+
+def test_pickles_and_pictures_take_it() -> None:
+    found = flight()
+    again = pickle.loads(pickle.dumps(found))
+    for name in dir(found):
+        value = getattr(found, name)
+        if not name.startswith("_") and not callable(value) and name not in {"markers", "model"}:
+            np.testing.assert_equal(getattr(again, name), value)
+    assert repr(again) == repr(found)
+    assert len(plotting.tree_motion(found, ["thigh"]).lines) == 1
+
+
+def test_gravity_can_be_sought() -> None:
+    found = motion.reconstruct_flight(MARKERS, seen(), seek_gravity=True, noise=0.02, scale=1.0)
+    assert found.success and abs(found.gravity - 1.0) < 4 * found.gravity_deviation < 0.1
+    assert found.scale_deviation == 0.0 and found.noise == (0.02, 0.0, 0.1)
+
+
+def test_what_is_no_flight_is_not_called_a_success() -> None:
+    # held still in the air
+    still = motion.place_markers(MARKERS, true().t, np.tile(OPEN, (len(true().t), 1)))
+    points = still.points + np.random.default_rng(1).normal(0.0, 0.01, still.points.shape)
+    found = motion.reconstruct_flight(MARKERS, motion.MarkerRecording(still.names, still.times, points))
+    assert not found.success and found.status == "misfit" and "must be from" in found.message
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"knot_spacing": 0.0}, "`knot_spacing` must be positive"),
+        ({"scale": (1.0, 2.0)}, "`deviation of the scale` must be positive and at most"),
+        ({"scale": "large"}, "`scale` must be a number, or a mean and a standard deviation"),
+        ({"noise": -1.0}, "`size of the noise` must be between"),
+        ({"noise": (0.1, 2.0, 0.1)}, "`correlated fraction of the noise` must be from 0 to 1"),
+        ({"noise": [1]}, "`noise` must be a standard deviation"),
+        ({"threshold": 0.0}, "`threshold` must be from 1 to 1000"),
+        ({"interval": (1.0, 0.0)}, "`end of the interval` must be after its start"),
+        ({"interval": (0.0, 0.1)}, "at least 10 frames that have markers, found 6"),
+        ({"max_iterations": 0}, "`max_iterations` must be at least 1"),
+        ({"knot_spacing": 1e-6}, "may have 3000 coefficients together"),
+    ],
+)
+def test_wrong_arguments_are_named(arguments: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        motion.reconstruct_flight(MARKERS, seen(), **arguments)
+
+
+def test_models_that_cannot_fly_are_refused() -> None:
+    arm = multibody.two_link_arm()
+    centres = motion.MarkerSet.joint_centres(arm)
+    with pytest.raises(ValueError, match="must have a free or a planar joint to fly"):
+        motion.reconstruct_flight(centres, seen())
+    weightless = motion.MarkerSet.joint_centres(Model(DIVER.model.links, gravity=(0, 0, 0)))
+    with pytest.raises(ValueError, match="gravity is sought as a multiple"):
+        motion.reconstruct_flight(weightless, seen(), seek_gravity=True)
