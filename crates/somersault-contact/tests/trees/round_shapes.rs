@@ -251,7 +251,7 @@ fn derivatives_with_capsules_are_differences_of_runs() {
     let mut q = q;
     model.normalize(&mut q).unwrap();
     let start = model.state(&q, &v).unwrap();
-    let grid = TimeGrid::try_new(0.0, 0.4, 1e-3).unwrap();
+    let grid = TimeGrid::try_new(0.0, 0.28, 1e-3).unwrap();
     let found = differentiate(&system, &start, [], grid);
     let touched: Vec<_> = found.run.events.iter().map(|event| event.guard % 3).collect();
     assert!((0..3).all(|i| touched.contains(&i)), "{touched:?}");
