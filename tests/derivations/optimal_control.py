@@ -70,7 +70,9 @@ def dubins(start, end):
             along = np.arctan2(*(b - a)[::-1])
             for side in (1, -1):
                 # the middle circle touches both, left or right of the line between them
-                m = a + 2 * np.array([np.cos(along + side * np.arccos(d / 4)), np.sin(along + side * np.arccos(d / 4))])
+                m = a + 2 * np.array(
+                    [np.cos(along + side * np.arccos(d / 4)), np.sin(along + side * np.arccos(d / 4))]
+                )
                 h1 = np.arctan2(*(m - a)[::-1]) + s * np.pi / 2
                 h2 = np.arctan2(*(m - b)[::-1]) + s * np.pi / 2
                 first, middle, last = turn(s, start[2], h1), turn(-s, h1, h2), turn(s, h2, end[2])
@@ -92,7 +94,9 @@ def disk(height=0.1):
 
 
 def flow(rates, x, duration, events=None):
-    return solve_ivp(lambda _, x: rates(x), (0, duration), x, method="DOP853", rtol=1e-13, atol=1e-15, events=events)
+    return solve_ivp(
+        lambda _, x: rates(x), (0, duration), x, method="DOP853", rtol=1e-13, atol=1e-15, events=events
+    )
 
 
 def goddard(fastest=np.inf):
@@ -111,9 +115,13 @@ def goddard(fastest=np.inf):
 
     def singular(x):
         r, v, m = x
-        by = np.array([
-            -500 * drag(r, v) * (1 + 2 * v) + 2 * m / r**3, 2 * drag(r, v) / v * (1 + 2 * v) + 2 * drag(r, v), -1 / r**2
-        ])
+        by = np.array(
+            [
+                -500 * drag(r, v) * (1 + 2 * v) + 2 * m / r**3,
+                2 * drag(r, v) / v * (1 + 2 * v) + 2 * drag(r, v),
+                -1 / r**2,
+            ]
+        )
         idle, full = by @ np.array(rates(0.0)(x)), by @ np.array(rates(1.0)(x))
         return -idle / (full - idle)
 
@@ -142,8 +150,11 @@ def reorientation():
         def of(x):
             q, w = x[:4], x[4:]
             return [
-                -0.5 * (q[1] * w[0] + q[2] * w[1] + q[3] * w[2]), 0.5 * (q[0] * w[0] + q[2] * w[2] - q[3] * w[1]),
-                0.5 * (q[0] * w[1] + q[3] * w[0] - q[1] * w[2]), 0.5 * (q[0] * w[2] + q[1] * w[1] - q[2] * w[0]), *u,
+                -0.5 * (q[1] * w[0] + q[2] * w[1] + q[3] * w[2]),
+                0.5 * (q[0] * w[0] + q[2] * w[2] - q[3] * w[1]),
+                0.5 * (q[0] * w[1] + q[3] * w[0] - q[1] * w[2]),
+                0.5 * (q[0] * w[2] + q[1] * w[1] - q[2] * w[0]),
+                *u,
             ]
 
         return of
@@ -213,8 +224,12 @@ def collocated(rates, n, m, final, duration, K, seed):
     if seed is not None:
         sines = np.random.default_rng(seed).normal(size=(n, 3)) * np.array([2, 1, 0.6])
         guess += sines @ np.sin(np.pi * np.outer([1, 2, 3], t))
-    solver = ca.nlpsol("s", "ipopt", {"x": ca.vertcat(ca.vec(X), ca.vec(U)), "f": cost, "g": ca.vertcat(*g)},
-                       {"print_time": 0, "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 1000, "tol": 1e-9}})
+    solver = ca.nlpsol(
+        "s",
+        "ipopt",
+        {"x": ca.vertcat(ca.vec(X), ca.vec(U)), "f": cost, "g": ca.vertcat(*g)},
+        {"print_time": 0, "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 1000, "tol": 1e-9}},
+    )
     found = solver(x0=np.append(guess.T.ravel(), np.zeros(U.numel())), lbg=0, ubg=0)
     states = found["x"].full().ravel()[: X.numel()].reshape(-1, n)[::DEGREE]
     multipliers = found["lam_g"].full().ravel()[2 * n :].reshape(K, DEGREE, n) / B[1:, None]
@@ -265,7 +280,10 @@ def smooth(name, rates, n, m, final, duration, starts):
             minima.append((cost, seed, nodes))
     for coarse, seed, nodes in sorted(minima, key=lambda item: item[0])[:5]:
         cost, residual = shot(rates, n, m, final, duration, nodes[::2])
-        print(f"{name} in {duration} s, start {seed}: {cost:.14g}, residual {residual:.1e}, {coarse:.6g} by collocation", flush=True)
+        print(
+            f"{name} in {duration} s, start {seed}: {cost:.14g}, residual {residual:.1e}, {coarse:.6g} by collocation",
+            flush=True,
+        )
 
 
 def again(name, rates, n, m, final):

@@ -18,8 +18,8 @@ from fractions import Fraction as Q
 from math import lcm
 from random import Random
 
-ORDER = 10                       # highest order of the method
-N = ORDER + 1                    # powers of h kept
+ORDER = 10  # highest order of the method
+N = ORDER + 1  # powers of h kept
 CYCLIC = ((0, 1, 2), (1, 2, 0), (2, 0, 1))
 
 
@@ -53,7 +53,7 @@ def exact_increment(moments, momentum):
 
 def scale_and_shift(moments, momentum):
     """The series 1 + sum s_m h^2m and sum d_m h^2m; raises if the three components of the equation disagree."""
-    g = [s[1:] + [Q(0)] for s in exact_increment(moments, momentum)]          # divided by h; last entry unknown
+    g = [s[1:] + [Q(0)] for s in exact_increment(moments, momentum)]  # divided by h; last entry unknown
     h2 = lambda s: [Q(0), Q(0)] + s[:-2]
     h1 = lambda s: [Q(0)] + s[:-1]
     norm = h2([sum(c) for c in zip(*(mul(a, a) for a in g))])
@@ -64,12 +64,21 @@ def scale_and_shift(moments, momentum):
     for j, k, l in CYCLIC:
         gg = h1(mul(g[k], g[l]))
         a[j][j], a[j][l], a[j][k] = g[j], gg, [-c for c in gg]
-    det = lambda m: [sum(c) for c in zip(*(mul(m[0][j], [x - y for x, y in zip(mul(m[1][k], m[2][l]), mul(m[1][l], m[2][k]))])
-                                           for j, k, l in CYCLIC))]
+    det = lambda m: [
+        sum(c)
+        for c in zip(
+            *(
+                mul(m[0][j], [x - y for x, y in zip(mul(m[1][k], m[2][l]), mul(m[1][l], m[2][k]))])
+                for j, k, l in CYCLIC
+            )
+        )
+    ]
     whole = det(a)
     inverse = []
     for j in range(3):
-        inverse.append(div(whole, det([[right[i] if c == j else a[i][c] for c in range(3)] for i in range(3)])))
+        inverse.append(
+            div(whole, det([[right[i] if c == j else a[i][c] for c in range(3)] for i in range(3)]))
+        )
     x = [1 / Q(i) for i in moments]
     slope = lambda i, j: [(p - q) / (x[i] - x[j]) for p, q in zip(inverse[i], inverse[j])]
     s, check = slope(0, 1), slope(1, 2)
@@ -80,8 +89,12 @@ def scale_and_shift(moments, momentum):
 
 
 def monomials(weight):
-    return [(a, b, c) for c in range(weight // 3 + 1) for b in range((weight - 3 * c) // 2 + 1)
-            for a in [weight - 3 * c - 2 * b]]
+    return [
+        (a, b, c)
+        for c in range(weight // 3 + 1)
+        for b in range((weight - 3 * c) // 2 + 1)
+        for a in [weight - 3 * c - 2 * b]
+    ]
 
 
 def solve(rows, right):
@@ -118,7 +131,7 @@ def basis(m, extra):
 
 
 def values(terms, E, H, C):
-    return [H**i * C**j * E[0]**a * E[1]**b * E[2]**c for i, j, (a, b, c) in terms]
+    return [H**i * C**j * E[0] ** a * E[1] ** b * E[2] ** c for i, j, (a, b, c) in terms]
 
 
 def main():
@@ -136,13 +149,19 @@ def main():
             common = lcm(*(q.denominator for q in c))
             print(f"{name}{2 * m + 1} = 1/{common} * sum of:")
             for j in range(m + 1):
-                line = [" ".join([f"{int(q * common):+d}"] + [f"E{i + 1}^{p}" for i, p in enumerate(e) if p])
-                        for q, (_, jj, e) in zip(c, terms) if jj == j and q != 0]
+                line = [
+                    " ".join([f"{int(q * common):+d}"] + [f"E{i + 1}^{p}" for i, p in enumerate(e) if p])
+                    for q, (_, jj, e) in zip(c, terms)
+                    if jj == j and q != 0
+                ]
                 print(f"    H^{m - j} C^{j} ({', '.join(line)})")
     print("values straight from the series, for the unit test of the polynomials:")
     for moments, momentum in ((2, 3, 4), (1, -2, 3)), ((5, 3, 7), (4, 1, 2)):
         s, d = scale_and_shift([Q(i) for i in moments], momentum)
-        print(f"    I = {moments}, L = {momentum}: " + ", ".join(f"({s[2 * m]}, {d[2 * m]})" for m in range(1, ORDER // 2)))
+        print(
+            f"    I = {moments}, L = {momentum}: "
+            + ", ".join(f"({s[2 * m]}, {d[2 * m]})" for m in range(1, ORDER // 2))
+        )
     print("checked on", len(checks), "independent random bodies")
 
 

@@ -54,7 +54,9 @@ def pair(first, second):
         normal = span / distance
         down, up = -span * radius_a / total, span * radius_b / total
         velocity = velocity_a + np.cross(spin_a, down) - velocity_b - np.cross(spin_b, up)
-        turn = np.cross(normal, velocity_a - velocity_b) / distance + normal * (normal @ (spin_a + spin_b)) / 2
+        turn = (
+            np.cross(normal, velocity_a - velocity_b) / distance + normal * (normal @ (spin_a + spin_b)) / 2
+        )
         return distance - total, normal, velocity, turn, [(a, arm_a + down), (b, arm_b + up)]
 
     return meet
@@ -177,9 +179,13 @@ def tree(links, joint, place):
     """A free link and another one on a joint: mass, centre of mass, moments of inertia about it."""
     model = pin.Model()
     parent = 0
-    for (mass, centre, moments), kind, at in zip(links, (pin.JointModelFreeFlyer(), joint), (np.zeros(3), place)):
+    for (mass, centre, moments), kind, at in zip(
+        links, (pin.JointModelFreeFlyer(), joint), (np.zeros(3), place)
+    ):
         parent = model.addJoint(parent, kind, pin.SE3(np.eye(3), np.array(at)), str(parent))
-        model.appendBodyToJoint(parent, pin.Inertia(mass, np.array(centre), np.diag(moments)), pin.SE3.Identity())
+        model.appendBodyToJoint(
+            parent, pin.Inertia(mass, np.array(centre), np.diag(moments)), pin.SE3.Identity()
+        )
     return model
 
 
@@ -210,7 +216,13 @@ scenes = {
     "a wheel with a pendulum on a shaking table": dict(
         model=tree(wheel, pin.JointModelRY(), [0.0, 0.0, 0.0]),
         contacts=[
-            rim(1, np.array([0.0, side, 0.0]), np.array([0.0, 1.0, 0.0]), 0.2, lambda t: 1.35 * np.cos(9.0 * t))
+            rim(
+                1,
+                np.array([0.0, side, 0.0]),
+                np.array([0.0, 1.0, 0.0]),
+                0.2,
+                lambda t: 1.35 * np.cos(9.0 * t),
+            )
             for side in (-0.03, 0.03)
         ],
         law=(2e4, 60.0, 0.4, 1.5e4, 60.0),

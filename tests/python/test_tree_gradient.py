@@ -199,3 +199,45 @@ def test_a_gradient_can_be_interrupted() -> None:
             **(RUN | {"dt": 2e-6}),
         )
     timer.join()
+
+
+def test_a_mass_on_a_table_that_moves_is_differentiated_through_its_bounces() -> None:
+    up = np.array([0.0, 0.0, 5e-3])
+
+    def shaken(t: float) -> tuple[Array, Array, Array]:
+        return up * np.sin(40 * t), 40 * up * np.cos(40 * t), -1600 * up * np.sin(40 * t)
+
+    mass = multibody.Model([multibody.Link("mass", "prismatic", axis=(0, 0, 1), mass=2.0)])
+    scene = contact.TreeOnPlatforms(mass, [contact.Platform("table", shaken)])
+    driven: dict[str, Any] = {"active": scene.active, "acceleration": scene.acceleration}
+    steps: dict[str, Any] = {"dt": 1e-3, "method": "rkmk8"}
+
+    def touching(stiffness: float) -> contact.LinkContact:
+        law = contact.CompliantLaw(stiffness, 20.0)
+        return contact.LinkContact(
+            "foot", "mass", contact.Contact((0, 0, 0), contact.HalfSpace(), law), on="table"
+        )
+
+    def end(height: float, stiffness: float) -> float:
+        q, v = scene.start([height], [0.0])
+        run = multibody.integrate_tree(
+            scene.model, q, v, (0.0, 0.3), contacts=touching(stiffness), **driven, **steps
+        )
+        assert run.n_events > 2
+        return float(run.q[-1, 0])
+
+    q, v = scene.start([0.02], [0.0])
+    found = contact.differentiate_tree(
+        scene.model,
+        q,
+        v,
+        (0.0, 0.3),
+        contacts=touching(2e4),
+        parameters=[("law.stiffness", "foot")],
+        **driven,
+        **steps,
+    )
+    by_height = (end(0.02 + 1e-6, 2e4) - end(0.02 - 1e-6, 2e4)) / 2e-6
+    by_stiffness = (end(0.02, 2e4 + 1.0) - end(0.02, 2e4 - 1.0)) / 2.0
+    assert found.by_state[0, 0] == pytest.approx(by_height, rel=1e-5)
+    assert found.by_parameters[0, 0] == pytest.approx(by_stiffness, rel=1e-5)

@@ -115,8 +115,8 @@ impl Platform {
 /// Each platform is a body of `model` on a free joint, whose surfaces a `LinkContact` names by ``on``. The positions and velocities
 /// of the tree come first, then those of the platforms. These are integrated with all else, from accelerations that are given,
 /// so that they follow their motions to the accuracy of the method, and everything that holds of surfaces carried by bodies
-/// holds of theirs: events are located. Each has the mass of the tree, which nothing moves and `Model.mass` counts. Derivatives
-/// (`differentiate_tree`) are not taken of trees that are driven.
+/// holds of theirs: events are located, and `differentiate_tree` takes ``active`` and ``acceleration`` as well. Each has the mass of the
+/// tree, which nothing moves and `Model.mass` counts.
 ///
 /// Parameters
 /// ----------
