@@ -19,6 +19,8 @@ TITLE = "Trees that touch: a leg that hops"
 
 #: Two hops, s.
 _DURATION = 0.6
+#: Until the leg has left the ground again, s.
+_JUMP = 0.3
 _METHODS = ("rkmk", "rkmk5", "rkmk8")
 _KINDS = {
     "touch_down": "touch-down",
@@ -77,6 +79,87 @@ def _order(steps: list[float], errors: list[float], floor: float) -> float:
     pairs = zip(pairwise(steps), pairwise(errors), strict=True)
     slopes = [float(np.log(e / f) / np.log(h / k)) for (h, k), (e, f) in pairs if f > floor]
     return float(np.median(slopes)) if slopes else float("nan")
+
+
+def _differentiated(leg: contact.TreeContactSystem, count: int) -> tuple[list[float], Any, Any]:
+    """Seconds of a run, of the adjoint and of columns; the derivatives of the height by a torque at knots."""
+    times = np.linspace(0.0, _JUMP, count)
+    profile = multibody.TorqueProfile(times, [leg.torque(t, leg.q, leg.v) for t in times])
+    start = (leg.model, leg.q, leg.v, (0.0, _JUMP))
+    given: dict[str, Any] = {"dt": 1e-3, "method": "rkmk8", "contacts": leg.contacts, "torque": profile}
+    by: list[Any] = [("torque", 4, profile)]
+
+    def height(q: Any, _: Any) -> tuple[float, Any, None]:
+        # the body moves along its own axes
+        return q[1], np.array([np.sin(q[2]), np.cos(q[2]), 0.0, 0.0, 0.0]), None
+
+    clock = [time.perf_counter()]
+    run = multibody.integrate_tree(*start, **given)
+    clock.append(time.perf_counter())
+    adjoint = contact.gradient_tree(*start, height, parameters=by, **given).by_parameters
+    clock.append(time.perf_counter())
+    columns = contact.differentiate_tree(*start, parameters=by, **given)
+    clock.append(time.perf_counter())
+    _, up, _ = height(run.q[-1], None)
+    return list(np.diff(clock)), np.asarray(adjoint), up @ columns.by_parameters[:5]
+
+
+def _worth(gradient: Any, stances: list[tuple[float, float]]) -> Axes:
+    """What each knot of the torque does to the height at the end."""
+    import matplotlib.pyplot as plt
+
+    axes: Axes = plt.figure(figsize=(6.4, 3.2), layout="constrained").subplots()
+    for begin, end in stances:
+        axes.axvspan(begin, end, color="0.9", lw=0)
+        axes.annotate(
+            "on the ground", (begin, 0.96), (3, 0), ("data", "axes fraction"), "offset points", va="top"
+        )
+    axes.plot(np.linspace(0.0, _JUMP, len(gradient)), 1e3 * gradient, color="#332288", lw=1.4)
+    axes.axhline(0.0, color="0.6", lw=0.8)
+    axes.set(xlabel="time of the torque, s", ylabel="height of the body,\nmm for 1 N m")
+    return axes
+
+
+def _gradients(
+    page: Page, leg: contact.TreeContactSystem, hop: multibody.TreeSolution, knots: list[int]
+) -> None:
+    """Derivatives through touch-downs, by columns and by the adjoint."""
+    found = {count: _differentiated(leg, count) for count in knots}
+    page.section("Gradients through the stances")
+    page.text(
+        "The height of the body after the first stance depends on the torque of the knee at every time. The"
+        " adjoint walks back through steps and events once, whatever the number of parameters; columns carry"
+        " one derivative for each of them. Both are the same numbers to rounding."
+    )
+    page.code(
+        "profile = multibody.TorqueProfile(times, torques)\n"
+        'contact.gradient_tree(leg.model, leg.q, leg.v, (0.0, 0.3), height, dt=1e-3, method="rkmk8",\n'
+        '                      contacts=leg.contacts, torque=profile, parameters=[("torque", 4, profile)])'
+    )
+    page.table(
+        ("knots", "adjoint, runs", "columns, runs", "largest difference"),
+        [
+            [
+                str(count),
+                number(seconds[1] / seconds[0], 1),
+                number(seconds[2] / seconds[0], 1),
+                error_size(float(np.abs(adjoint - columns).max() / np.abs(columns).max())),
+            ]
+            for count, (seconds, adjoint, columns) in found.items()
+        ],
+        "Time of the gradient over that of a run by <code>rkmk8</code> in steps of 1 ms, and the difference"
+        " relative to the largest derivative.",
+    )
+    downs = [event.t for event in hop.events if event.kind == "touch_down" and event.t < _JUMP]
+    ups = [event.t for event in hop.events if event.kind == "release"]
+    stances = [(t, min([up for up in ups if up > t], default=_JUMP)) for t in downs]
+    page.figure(
+        "leg-gradient",
+        _worth(found[knots[-1]][1], stances),
+        f"What 1 N m at one of {knots[-1]} knots, which fades to its neighbours, adds to the height of the"
+        f" body after {_JUMP:g} s.",
+        "A curve over time that falls to zero at the end, with the stance shaded",
+    )
 
 
 def write(page: Page, measurements: Measurements) -> None:
@@ -157,3 +240,4 @@ def write(page: Page, measurements: Measurements) -> None:
         f" orders between steps. The reference changes by {error_size(shift)} where its step is halved;"
         " errors below three times that are not used.",
     )
+    _gradients(page, leg, hop, [10, 40] if measurements.setting.repeats == 1 else [10, 40, 160])
