@@ -859,11 +859,11 @@ impl TreeContacts {
         q: &Bound<'py, PyAny>,
         v: &Bound<'py, PyAny>,
         stretches: Option<&Bound<'py, PyAny>>,
-    ) -> Result<(Bound<'py, PyArrayDyn<f64>>, Bound<'py, PyArrayDyn<f64>>), Error> {
+    ) -> Result<(Bound<'py, PyAny>, Bound<'py, PyAny>), Error> {
         self.with(py, (q, Some(v)), stretches, |system, x| {
             let MomentumLedger { linear, angular, weight, force, moment } = system.momentum(x)?;
-            let rows = |first: Vector3<f64>, second: Vector3<f64>| {
-                array(py, [<[f64; 3]>::from(first), second.into()].concat(), &[2, 3])
+            let rows = |first: Vector3<f64>, second: Vector3<f64>| -> PyResult<_> {
+                Ok(array(py, [<[f64; 3]>::from(first), second.into()].concat(), &[2, 3])?.into_any())
             };
             Ok((rows(linear, angular)?, rows(weight + force, moment)?))
         })
