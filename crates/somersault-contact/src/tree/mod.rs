@@ -18,8 +18,9 @@
 //! A contact moves no faster than √(2 (1/m + l²/I)) times the root of the energy E, with the mass m and the least principal
 //! moment I of its link, whatever the joints do; and where nothing drives the tree, √E grows at √(M/2) g at most, M the mass of
 //! the tree. So where the forces have a [potential](somersault_multibody::motion::TreeForces::potential) and no joint is driven,
-//! steps whose gaps exceed that are *proved* clear. Where torques may give energy, and near a surface, where accelerations
-//! decide, and of surfaces that a body carries, speeds and accelerations are bounded along the chain from the rates of the joints at both ends of the step
+//! steps whose gaps exceed that are *proved* clear. Where torques may give energy, near a surface, where accelerations
+//! decide, in parts of a step in which no link turns by more than 0.1 rad, and for surfaces that a body carries, speeds and
+//! accelerations are bounded along the chain from the rates of the joints at both ends of the step
 //! ([`LinkBounds`](somersault_multibody::motion::LinkBounds)), |v_P| ≤ |v₀| + Σ |ωⱼ| lⱼ, with accelerations of the joints
 //! estimated as twice those of the cubics through the ends. That is no proof; it fails where a step is too long for the
 //! accelerations of the joints.

@@ -54,6 +54,9 @@ pub struct TouchingWorkspace {
     linearized: Option<Box<LinearizedRoom<TreeRoom>>>,
 }
 
+/// The turn of links within a part of a step, rad, up to which the motion is as smooth as estimates of its acceleration take it to be.
+const SHORT_TURN: f64 = 0.1;
+
 /// Room for what is asked between steps.
 #[derive(Debug)]
 struct Room {
@@ -206,17 +209,26 @@ impl<'m, F: TreeForces, D: JointDrive> TreeInContact<'m, F, D> {
         Some(energy.max(0.0).sqrt())
     }
 
-    /// The sweep of the gap of a contact, given the bounds of the links, and the largest root of the energy if it is known.
+    /// The sweep of the gap of a contact, given the bounds of the links, the largest root of the energy if it is known, and whether no link
+    /// turns by more than [`SHORT_TURN`].
+    ///
+    /// The energy bounds the speed of a light link far above what it is, but over steps of any length. Where no link turns far the
+    /// estimated speed counts as well.
     fn sweep(
         &self,
         i: usize,
         part: &Part<'_>,
         bodies: &Velocities<'_>,
         links: &[LinkBound],
-        root: Option<f64>,
+        (root, is_short): (Option<f64>, bool),
         h: f64,
     ) -> Sweep {
         let proved = root.map(|root| root * self.contacts.mobility(i)).filter(|speed| speed.is_finite());
+        let speed_of = |proved: Option<f64>, estimated: f64| match proved {
+            Some(proved) if is_short => proved.min(estimated),
+            Some(proved) => proved,
+            None => estimated,
+        };
         match part {
             Part::Surface(link, contact) => {
                 let (shape, at, bound) = (contact.shape(), frame(bodies, *link), &links[*link]);
@@ -233,7 +245,7 @@ impl<'m, F: TreeForces, D: JointDrive> TreeInContact<'m, F, D> {
                 }
                 let sweep = contact.sweep_of(&point);
                 let constant = contact.surface().lipschitz();
-                Sweep { speed: proved.map_or(sweep.speed, |speed| constant * speed), ..sweep }
+                Sweep { speed: speed_of(proved.map(|speed| constant * speed), sweep.speed), ..sweep }
             }
             Part::Pair(pair) => {
                 let ends = pair.spheres().each_ref().map(|sphere| {
@@ -243,7 +255,7 @@ impl<'m, F: TreeForces, D: JointDrive> TreeInContact<'m, F, D> {
                 });
                 let [a, b] = ends;
                 let fall = if pair.is_of_balls() { a.1 + b.1 } else { f64::INFINITY };
-                Sweep { speed: proved.unwrap_or(a.0 + b.0), fall, size: a.2 + b.2 }
+                Sweep { speed: speed_of(proved, a.0 + b.0), fall, size: a.2 + b.2 }
             }
         }
     }
@@ -371,8 +383,9 @@ impl<F: TreeForces, D: JointDrive> TreeInContact<'_, F, D> {
         let Ok((bodies, links)) = bounds.between(self.model(), data, ends, h) else { return };
         let root = self.root_of_energy(&bodies, before);
         let root = root.map(|root| root + self.growth * h);
+        let is_short = links.iter().all(|link| link.spin * h < SHORT_TURN);
         let parts = self.contacts.parts().enumerate();
-        out.extend(parts.map(|(i, part)| self.sweep(i, &part, &bodies, links, root, h)));
+        out.extend(parts.map(|(i, part)| self.sweep(i, &part, &bodies, links, (root, is_short), h)));
     }
 
     pub(crate) fn clear_time_at(

@@ -23,6 +23,7 @@ use somersault_integrators::state::State;
 use somersault_multibody::motion::{Coordinates, TreeSystem};
 use somersault_multibody::{Joint, Link, Model};
 use somersault_testkit::trees::Random;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// A ring about the z-axis: a distance without a bound of its second derivative.
@@ -159,11 +160,11 @@ struct Tally {
     looked_at: u64,
 }
 
-/// Drops trees with numbers of links from `least` on, of `sizes` numbers.
-fn drop_trees(seed: u64, cases: u64, (least, sizes): (usize, usize)) -> Tally {
+/// Drops those trees of a seed, with numbers of links from `least` on, of `sizes` numbers.
+fn drop_trees(seed: u64, cases: Range<u64>, (least, sizes): (usize, usize)) -> Tally {
     let mut random = Random::new(seed);
     let mut tally = Tally::default();
-    for case in 0..cases {
+    for case in 0..cases.end {
         let links = least + random.below(sizes);
         let model = tree(&mut random, links);
         let surface = ground(&mut random);
@@ -229,6 +230,9 @@ fn drop_trees(seed: u64, cases: u64, (least, sizes): (usize, usize)) -> Tally {
             }
         };
         let method = [Method::Rkmk8, Method::Rkmk5][random.below(2)];
+        if case < cases.start {
+            continue;
+        }
         let Ledger { kinetic, potential, .. } = system.ledger(&start);
         let last = kinetic + potential;
         let mut watch = Watch { system: &system, free: &free, case, last, scale: 1.0, looked_at: 0 };
@@ -258,16 +262,24 @@ fn drop_trees(seed: u64, cases: u64, (least, sizes): (usize, usize)) -> Tally {
 
 #[test]
 fn random_trees_that_drop_miss_nothing() {
-    let Tally { ends, events, looked_at } = drop_trees(23, 240, (1, 4));
+    let Tally { ends, events, looked_at } = drop_trees(23, 0..240, (1, 4));
     assert!(ends[0] > 150 && ends[1] < 5, "{ends:?}");
     assert!(events > 1000 && looked_at > 2000, "{events} {looked_at}");
+}
+
+/// A light link of a tree with 263 J that leaves a surface of unknown curvature at 24 mm/s.
+#[test]
+fn a_light_link_that_leaves_slowly_is_no_endless_search() {
+    let Tally { ends, events, .. } = drop_trees(20_001, 330..331, (3, 18));
+    assert_eq!(ends, [1, 0]);
+    assert!(events > 10, "{events}");
 }
 
 #[test]
 #[ignore = "long form of `random_trees_that_drop_miss_nothing`: 10,000 trees of 3 to 20 links, tens of minutes: `make studies` runs it"]
 fn ten_thousand_random_trees_that_drop_miss_nothing() {
     let parts = (0..20).into_par_iter().map(|part| {
-        let found = drop_trees(10_000 + part, 500, (3, 18));
+        let found = drop_trees(10_000 + part, 0..500, (3, 18));
         println!("part {part}: {found:?}");
         found
     });
