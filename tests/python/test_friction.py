@@ -210,9 +210,10 @@ def test_several_bodies_touch_surfaces_and_each_other() -> None:
     assert motion.contact_forces is not None
     np.testing.assert_allclose(motion.contact_forces[-1, :, 2], [0.3 * G, 0.0, 0.1 * G], atol=1e-6)
     assert {event.contact for event in motion.events} <= {0, 2}
-    switched = integrate(balls, starts, (0, 3.0), dt=1e-4, every=10**6, locate=False, **stacked)  # type: ignore[arg-type]
-    np.testing.assert_allclose(switched.position[-1], motion.position[-1], atol=1e-6)
-    assert switched.events == () and switched.contact_forces is None
+    unlocated = integrate(balls, starts, (0, 3.0), dt=1e-4, every=10**6, locate=False, **stacked)  # type: ignore[arg-type]
+    np.testing.assert_allclose(unlocated.position[-1], motion.position[-1], atol=1e-6)
+    assert unlocated.events == ()
+    assert unlocated.contact_forces is None
 
 
 def test_a_corner_dropped_box_comes_to_rest() -> None:

@@ -602,8 +602,8 @@ value! {
 
 #[pymethods]
 impl Solution {
-    /// ndarray, shape (n, contacts, 3), or None: Stretches of the friction of contacts that are located, those of pairs last, m, world
-    /// frame, zero where there are none. A run that continues from the last state takes the last row as `stretches`.
+    /// ndarray, shape (n, contacts, 3), or None: Stretches of friction, m, world frame: contacts with surfaces first, then pairs; zero for a
+    /// contact whose friction has none. None unless contacts were located. A run that continues takes the last row as `stretches`.
     #[getter]
     fn stretches<'py>(slf: &Bound<'py, Self>) -> PyResult<Option<Bound<'py, PyAny>>> {
         let Log { contacts, stretches, .. } = &slf.get().log;
@@ -614,8 +614,8 @@ impl Solution {
         Ok(Some(array(slf.py(), values, &[stretches.len() / contacts, *contacts, 3])?.into_any()))
     }
 
-    /// ndarray, shape (n, contacts, 3), or None: Forces of contacts on the bodies, on the first of a pair, world frame, N. Like points,
-    /// gaps and energy computed when it is first requested; None where no contacts were located, or `contacts` is None.
+    /// ndarray, shape (n, contacts, 3), or None: Forces of contacts on the bodies, for a pair on the first body, world frame, N. They are
+    /// computed from the states on first access. None if no contacts were located, or if `contacts` is None.
     #[getter]
     fn contact_forces(slf: &Bound<'_, Self>) -> Result<Option<Py<PyAny>>, Error> {
         Self::of_touches(slf, |found| &found.forces)
