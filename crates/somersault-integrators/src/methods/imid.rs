@@ -78,7 +78,8 @@ impl<S: System> Stepper<S> for ImplicitMidpoint {
         })
     }
 
-    #[inline]
+    // as a call a step takes 6 % longer: its states go through memory
+    #[inline(always)]
     fn step(
         &self,
         system: &S,

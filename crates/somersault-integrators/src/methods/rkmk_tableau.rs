@@ -255,18 +255,21 @@ impl<S: System, T: Coefficients> Stepper<S> for RungeKuttaMuntheKaas<T> {
             Known::AtEnd => slopes.swap(0, end_of(tableau)),
         }
         system.velocity(workspace, t, x, &mut slopes[0].velocity);
-        for i in 1..tableau.stages() {
+        let end = end_of(tableau);
+        for i in 1..end {
             let (known, rest) = slopes.split_at_mut(i);
             advance(tableau.row(i), known, x, h, &mut u, &mut stage);
             evaluate(system, workspace, t + tableau.node(i) * h, &stage, &u, &mut rest[0]);
         }
-        if tableau.first_same_as_last() {
-            *first = Known::AtEnd;
-            out.assign(&stage);
+        // the stage of a slope at the end of the step is the end of the step itself
+        let (known, rest) = slopes.split_at_mut(end);
+        advance(tableau.weights(), known, x, h, &mut u, out);
+        *first = if tableau.first_same_as_last() {
+            evaluate(system, workspace, t + tableau.node(end) * h, out, &u, &mut rest[0]);
+            Known::AtEnd
         } else {
-            *first = Known::Nowhere;
-            advance(tableau.weights(), slopes, x, h, &mut u, out);
-        }
+            Known::Nowhere
+        };
         Ok(())
     }
 
