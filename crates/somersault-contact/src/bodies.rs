@@ -20,7 +20,7 @@ use somersault_integrators::partials::Partials;
 use somersault_integrators::state::{Pose, RigidBodyState, State, Twist};
 use somersault_integrators::system::{
     BodyPoses, BodyRate, CountMismatch, Fault, Interaction, RigidBodiesSystem, RigidForms, RigidSystem,
-    System, world_acceleration,
+    System, WorldScratch, world_acceleration,
 };
 use somersault_multibody::geometry::GeometryShape;
 
@@ -487,7 +487,7 @@ impl<F: ForceModel> RigidSystem for BodiesInContact<F> {
         &self,
         t: f64,
         x: &State<BodyPoses<Self>>,
-        world: &mut (State<Vec<Pose>>, Vec<Twist>),
+        world: &mut WorldScratch<Self>,
         out: &mut BodyRate<Self>,
     ) {
         self.0.body_wrenches(t, x, world, out);

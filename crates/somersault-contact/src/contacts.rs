@@ -21,7 +21,7 @@ use somersault_integrators::force::{ForceModel, Wrench};
 use somersault_integrators::partials::Partials;
 use somersault_integrators::state::{InBody, Pose, RigidBodyState, State, Twist};
 use somersault_integrators::system::{
-    Decoder, Fault, FromBody, RigidBodySystem, RigidForms, RigidSystem, System, euler,
+    Decoder, Fault, FromBody, RigidBodySystem, RigidForms, RigidSystem, System, WorldScratch, euler,
 };
 use std::sync::Arc;
 
@@ -485,7 +485,7 @@ impl<F: ForceModel> RigidSystem for BodyInContact<F> {
         &self,
         t: f64,
         x: &State<InBody<Pose>>,
-        world: &mut (RigidBodyState, Twist),
+        world: &mut WorldScratch<Self>,
         out: &mut InBody<Twist>,
     ) {
         self.0.body_wrenches(t, x, world, out);
@@ -681,7 +681,7 @@ impl<F: ForceModel> HybridBodies for BodyInContact<F> {
         mode: &Vec<ContactMode>,
         t: f64,
         x: &State<InBody<Pose>>,
-        _: &mut (RigidBodyState, Twist),
+        _: &mut WorldScratch<Self>,
         out: &mut InBody<Twist>,
     ) {
         let mut world = RigidBodyState::default();

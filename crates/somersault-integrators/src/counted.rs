@@ -4,7 +4,9 @@ use crate::body::RigidBody;
 use crate::force::{ForceModel, Reach, Wrench, WrenchBound};
 use crate::partials::Partials;
 use crate::state::{RigidBodyState, State, Twist};
-use crate::system::{BodyPoses, BodyRate, Fault, RateOf, RigidForms, RigidSystem, StateOf, System};
+use crate::system::{
+    BodyPoses, BodyRate, Fault, RateOf, RigidForms, RigidSystem, StateOf, System, WorldScratch,
+};
 use crate::variation::Tangent;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -80,7 +82,7 @@ impl<S: RigidSystem> RigidSystem for Counted<&S> {
         &self,
         t: f64,
         x: &State<BodyPoses<S>>,
-        world: &mut (StateOf<S>, RateOf<S>),
+        world: &mut WorldScratch<S>,
         out: &mut BodyRate<S>,
     ) {
         self.count();

@@ -17,6 +17,7 @@ use crate::body::{RigidBody, angular_momentum};
 pub use crate::fault::Fault;
 use crate::force::ForceModel;
 use crate::partials::Partials;
+use crate::scratch::Scratch;
 use crate::state::{Configuration, Pose, Poses, Rate, RigidBodyState, State, Twist};
 use nalgebra::Vector3;
 use std::sync::Arc;
@@ -113,12 +114,13 @@ pub trait RigidSystem: System<Configuration: Poses, Forms = RigidForms> {
         &self,
         t: f64,
         x: &State<BodyPoses<Self>>,
-        (world, wrenches): &mut (StateOf<Self>, RateOf<Self>),
+        (world, wrenches): &mut WorldScratch<Self>,
         out: &mut BodyRate<Self>,
     ) {
-        FromBody.decode(x, world);
-        self.wrenches(t, world, wrenches);
-        torques_in_body_axes::<Self::Configuration>(x, wrenches, out);
+        let (mut world, mut wrenches) = (world.lend(), wrenches.lend());
+        FromBody.decode(x, &mut world);
+        self.wrenches(t, &world, &mut wrenches);
+        torques_in_body_axes::<Self::Configuration>(x, &wrenches, out);
     }
     /// Whether all wrenches are always zero.
     fn is_free(&self) -> bool;
@@ -130,6 +132,8 @@ pub trait RigidSystem: System<Configuration: Poses, Forms = RigidForms> {
 
 /// Configuration of a rigid system in the body frame.
 pub type BodyPoses<S> = <<S as System>::Configuration as Poses>::InBodyFrame;
+/// A state and wrenches of a rigid system in world axes, to work on.
+pub type WorldScratch<S> = (Scratch<StateOf<S>>, Scratch<RateOf<S>>);
 /// Rate of a rigid system in the body frame.
 pub type BodyRate<S> = <BodyPoses<S> as Configuration>::Rate;
 
@@ -173,7 +177,7 @@ impl<S: RigidSystem + ?Sized> RigidSystem for &S {
         &self,
         t: f64,
         x: &State<BodyPoses<S>>,
-        world: &mut (StateOf<S>, RateOf<S>),
+        world: &mut WorldScratch<S>,
         out: &mut BodyRate<S>,
     ) {
         (**self).body_wrenches(t, x, world, out);
@@ -600,12 +604,11 @@ pub struct BodyForm<'a, S>(pub &'a S);
 impl<S: RigidSystem> System for BodyForm<'_, S> {
     type Configuration = BodyPoses<S>;
     type Forms = OneForm;
-    type Workspace = (StateOf<S>, RateOf<S>);
+    type Workspace = WorldScratch<S>;
     const IS_WATCHED: bool = S::IS_WATCHED;
     fn workspace(&self) -> Self::Workspace {
         let rest = self.0.rest();
-        let wrenches = rest.rate.clone();
-        (rest, wrenches)
+        (Scratch::like(&rest), Scratch::like(&rest.rate))
     }
     #[inline(always)]
     fn acceleration(&self, world: &mut Self::Workspace, t: f64, x: &StateOf<Self>, out: &mut RateOf<Self>) {

@@ -276,10 +276,10 @@ fn a_light_link_that_leaves_slowly_is_no_endless_search() {
 }
 
 #[test]
-#[ignore = "long form of `random_trees_that_drop_miss_nothing`: 10,000 trees of 3 to 20 links, tens of minutes: `make studies` runs it"]
+#[ignore = "long form of `random_trees_that_drop_miss_nothing`: 10,800 trees of 3 to 20 links, of which 10,000 start clear of the ground, 20 minutes: `make studies` runs it"]
 fn ten_thousand_random_trees_that_drop_miss_nothing() {
     let parts = (0..20).into_par_iter().map(|part| {
-        let found = drop_trees(10_000 + part, 0..500, (3, 18));
+        let found = drop_trees(10_000 + part, 0..540, (3, 18));
         println!("part {part}: {found:?}");
         found
     });
@@ -289,6 +289,6 @@ fn ten_thousand_random_trees_that_drop_miss_nothing() {
         looked_at: a.looked_at + b.looked_at,
     });
     println!("{ends:?} {events} {looked_at}");
-    assert!(ends[0] > 6000 && ends[1] * 50 < ends[0], "{ends:?}");
+    assert!(ends[0] >= 10_000 && ends[1] * 50 < ends[0], "{ends:?}");
     assert!(events > 50_000 && looked_at > 50_000, "{events} {looked_at}");
 }

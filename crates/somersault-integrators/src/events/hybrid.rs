@@ -7,7 +7,8 @@ use crate::driver::IntegrateError;
 use crate::partials::Partials;
 use crate::state::State;
 use crate::system::{
-    BodyPoses, BodyRate, Decoder, Fault, FromBody, RateOf, RigidSystem, StateOf, System, torques_in_body_axes,
+    BodyPoses, BodyRate, Decoder, Fault, FromBody, RateOf, RigidSystem, StateOf, System, WorldScratch,
+    torques_in_body_axes,
 };
 use std::cell::{Cell, RefCell};
 use std::error::Error;
@@ -178,12 +179,13 @@ pub trait HybridBodies: Hybrid + RigidSystem {
         mode: &Self::Mode,
         t: f64,
         x: &State<BodyPoses<Self>>,
-        (world, wrenches): &mut (StateOf<Self>, RateOf<Self>),
+        (world, wrenches): &mut WorldScratch<Self>,
         out: &mut BodyRate<Self>,
     ) {
-        FromBody.decode(x, world);
-        self.wrenches_in(mode, t, world, wrenches);
-        torques_in_body_axes::<Self::Configuration>(x, wrenches, out);
+        let (mut world, mut wrenches) = (world.lend(), wrenches.lend());
+        FromBody.decode(x, &mut world);
+        self.wrenches_in(mode, t, &world, &mut wrenches);
+        torques_in_body_axes::<Self::Configuration>(x, &wrenches, out);
     }
 }
 
@@ -275,7 +277,7 @@ impl<S: HybridBodies + ?Sized> HybridBodies for &S {
         mode: &S::Mode,
         t: f64,
         x: &State<BodyPoses<S>>,
-        world: &mut (StateOf<S>, RateOf<S>),
+        world: &mut WorldScratch<S>,
         out: &mut BodyRate<S>,
     ) {
         (**self).body_wrenches_in(mode, t, x, world, out);
@@ -413,7 +415,7 @@ impl<H: HybridBodies> RigidSystem for Frozen<'_, H> {
         &self,
         t: f64,
         x: &State<BodyPoses<H>>,
-        world: &mut (StateOf<H>, RateOf<H>),
+        world: &mut WorldScratch<H>,
         out: &mut BodyRate<H>,
     ) {
         self.system.body_wrenches_in(&self.mode.borrow(), self.time(t), x, world, out);
