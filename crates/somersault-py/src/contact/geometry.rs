@@ -18,9 +18,9 @@ use std::path::PathBuf;
 /// balls at its ends, ``name end 1`` (at −z) and ``name end 2``; a cylinder with its rims, ``name rim 1`` and ``name rim 2``, against a
 /// `HalfSpace`; a sphere with a ball, ``name``. Against a `SphericalSurface` from outside a box or a capsule touches with its
 /// nearest point, ``name``, and so does a capsule against a `CylindricalSurface`; a box touches that with its edges, ``name edge 1`` to
-/// ``name edge 12``, those along x first. Each has the laws for itself: a box on a face has four springs. These are all that touches planes,
-/// spheres and cylinders; against a surface by a function edges, faces and middles do not touch. A cylinder that stands flat, and a
-/// capsule along a cylinder, are held by points that are not determined: a flat foot is a box.
+/// ``name edge 12``, those along x first. Each has its own laws: a box on a face has four springs. Against planes, spheres and cylinders
+/// nothing else can touch; against a user-defined surface edges, faces and middles do not touch. The point of contact of a cylinder that
+/// stands flat, and of a capsule along a cylinder, is not unique: use a box for a flat foot.
 ///
 /// Parameters
 /// ----------

@@ -8,7 +8,7 @@ use crate::contact::shapes::shape_of;
 use crate::contact::touches::Touches;
 use crate::core::callable::Failure;
 use crate::core::convert::{
-    a_type, array, components, finite_all, orientation, real_numbers, sequence, vector_array, vector_or,
+    a_type, array, components, finite_all, orientation, real_numbers, row, sequence, vector_array, vector_or,
     with_shape,
 };
 use crate::core::error::Error;
@@ -188,8 +188,8 @@ impl LinkPair {
 
     /// A ball and a ball, a capsule or a box, or two capsules, fixed on two links.
     ///
-    /// They touch at the points next to each other. Where such a point goes from a face of a box to an edge, or to the end of a
-    /// capsule, the second derivative of the gap jumps. Two capsules that become parallel are held by points that are not determined.
+    /// They touch at their nearest points. Where such a point passes from a face of a box to an edge, or to the end of a
+    /// capsule, the second derivative of the gap jumps. The nearest points of two parallel capsules are not unique.
     /// The distance of a box from a capsule or a box is not smooth: such pairs are refused.
     ///
     /// Parameters
@@ -275,8 +275,7 @@ impl LinkPair {
         let Some([a, b]) = shapes else {
             return Self::new(name, links, radii, law, Some(centers), friction, resistance);
         };
-        let list =
-            |numbers: &[f64]| Ok::<_, Error>(array(py, numbers.to_vec(), &[numbers.len()])?.into_any());
+        let list = |numbers: &[f64]| row(py, numbers.to_vec()).map(Bound::into_any);
         let orientations = Some([list(&a.2)?, list(&b.2)?]);
         let shapes = [(a.0, list(&a.1)?), (b.0, list(&b.1)?)];
         Self::of_shapes(name, links, shapes, law, Some(centers), orientations, friction, resistance)
@@ -426,9 +425,8 @@ impl TreeTouches {
         let of = |part: fn(&ContactState) -> Vector3<f64>| {
             vector_array(py, &touches.get(i).map_or_else(Vector3::zeros, part)).unbind()
         };
-        let numbers = |numbers: &[f64]| -> PyResult<Py<PyAny>> {
-            Ok(array(py, numbers.to_vec(), &[numbers.len()])?.into_any().unbind())
-        };
+        let numbers =
+            |numbers: &[f64]| -> PyResult<Py<PyAny>> { Ok(row(py, numbers.to_vec())?.into_any().unbind()) };
         let found = LinkEvent {
             t: event.t,
             kind: event.kind.name().to_owned(),
@@ -826,8 +824,8 @@ impl TreeContacts {
 
     /// Momentum of the tree, and its rate by weight and by contacts with surfaces that stand in the world.
     ///
-    /// Of a tree with a free base the rate is that of the motion, where no other forces act on links; other
-    /// joints to the world add what they hold.
+    /// With a free base, and where no other forces act on links, this is the rate along the motion; other joints to the world
+    /// add their reactions.
     ///
     /// Parameters
     /// ----------
@@ -871,7 +869,7 @@ impl TreeContacts {
 
     /// Joint forces that accelerate the tree by a given acceleration: M(q) a + C(q, v) v + g(q) − Σ Jᵢᵀ Fᵢ.
     ///
-    /// The contacts push as their laws say, or with forces that were measured.
+    /// The forces of the contacts are those of their laws, or forces that were measured.
     ///
     /// Parameters
     /// ----------

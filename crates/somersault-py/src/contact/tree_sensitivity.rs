@@ -3,7 +3,9 @@
 use crate::contact::sensitivity::{Derivatives, PickledDerivatives, outcome_of, parameters as parameters_of};
 use crate::contact::tree::{LinkEvent, TreeContactList, TreeTouches, stretched};
 use crate::core::callable::Failure;
-use crate::core::convert::{array, finite_all, integer_or_none, interval_of, sequence, vector, with_shape};
+use crate::core::convert::{
+    finite_all, integer_or_none, interval_of, row, row_of_pickled, sequence, vector, with_shape,
+};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, value};
 use crate::integrators::methods;
@@ -80,8 +82,7 @@ impl TreeSensitivities {
         let end = run.state.base();
         let mut v = vec![0.0; system.model().n_velocities()];
         system.model().joint_velocities(&end, &mut v)?;
-        let numbers =
-            |numbers: &[f64]| Ok::<_, PyErr>(array(py, numbers.to_vec(), &[numbers.len()])?.unbind());
+        let numbers = |numbers: &[f64]| row(py, numbers.to_vec()).map(Bound::unbind);
         let event = |event| TreeTouches::event(py, system, event);
         Ok(Self {
             t: run.t,
@@ -119,12 +120,8 @@ impl TreeSensitivities {
         derivatives: PickledDerivatives<'_>,
     ) -> Result<Self, Error> {
         let (py, [q, v]) = (cls.py(), state);
-        let read = |name: &str, value: &Bound<'_, PyAny>| {
-            let shape = [value.len()?];
-            Ok::<_, Error>(array(py, with_shape(name, &shape, value)?, &shape)?.unbind())
-        };
         let derivatives = Derivatives::of_pickled(py, 2 * v.len()?, events.len(), derivatives)?;
-        Ok(Self { q: read("q", &q)?, v: read("v", &v)?, t, events, derivatives })
+        Ok(Self { q: row_of_pickled("q", &q)?, v: row_of_pickled("v", &v)?, t, events, derivatives })
     }
 }
 
@@ -300,7 +297,7 @@ pub(crate) type MovingTree = Varied<Augmented<Coordinates>, AugmentedRate<Rates>
 ///
 /// The variational equations are integrated beside the state, by the same method in the same steps, and jump
 /// where contacts begin and end. Joint forces and accelerations that are callables are differentiated by central differences. For
-/// many parameters and one cost, `gradient_tree` is cheaper.
+/// many parameters and one cost, `gradient_tree` is faster.
 ///
 /// Parameters
 /// ----------
@@ -331,8 +328,8 @@ pub(crate) type MovingTree = Varied<Augmented<Coordinates>, AugmentedRate<Rates>
 ///     * ``('mass', body)``, with the centre of mass and the inertia about it kept; ``('center', body, direction)``, the centre
 ///       of mass along a direction in the axes of the body, m; ``('inertia', body, tensor)``, a factor on a symmetric tensor that
 ///       is added to the inertia about the centre of mass, kg m²;
-///     * ``('origin', body, direction)``, where the joint of a body is in its parent, along a direction in the axes of the parent,
-///       m: a length. The body moves along with its centre of mass, its contacts and all bodies that it carries.
+///     * ``('origin', body, direction)``, the position of the joint of a body in its parent, along a direction in the axes of the parent,
+///       m: a length. The body is displaced with its centre of mass, its contacts and all bodies that it carries.
 /// rtol, atol, max_step, first_step, max_steps
 ///     As of `multibody.integrate_tree`. Errors of derivatives are not weighed.
 /// stretches : {'loaded'} or array_like, shape (contacts, 3), optional
