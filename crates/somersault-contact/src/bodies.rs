@@ -86,9 +86,9 @@ impl BodySphere {
 /// Two spheres on two bodies that touch under some laws, or a sphere and a capsule or a box, or two capsules.
 ///
 /// The force acts at one point, on the line of the centres where the radii divide it, on one body as on the
-/// other, so that neither momentum nor angular momentum arises from it. The centre of a capsule or a box is its point next to the
-/// other shape: gap, normal and arms are continuous, and their rates jump where that point goes from a face to an edge, or to the
-/// end of a segment. Two capsules that become parallel are held by points that are not determined.
+/// other, so that neither momentum nor angular momentum arises from it. For a capsule or a box the centre is its point nearest to the
+/// other shape: gap, normal and arms are continuous, and their rates jump where that point passes from a face to an edge, or to the
+/// end of a segment. The nearest points of two parallel capsules are not unique.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SpherePair {
     spheres: [BodySphere; 2],
@@ -321,7 +321,7 @@ impl SpherePair {
         self.spheres.iter().all(|sphere| !sphere.shape.is_extended())
     }
 
-    /// The arms of the centres of two spheres and their velocities; of a capsule or a box those of its point next to the other
+    /// The arms of the centres of two spheres and their velocities; for a capsule or a box those of its point nearest to the other
     /// shape.
     fn centres<C: Carrier>(&self, carriers: [&C; 2]) -> [(Vector3<f64>, Vector3<f64>); 2] {
         let [a, b] = self.spheres.each_ref().map(|sphere| &sphere.shape);

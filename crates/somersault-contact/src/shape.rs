@@ -4,7 +4,7 @@ use crate::carrier::Carrier;
 use crate::error::{ContactError, finite};
 use crate::surface::{SignedDistance, SurfaceCore};
 use nalgebra::{Matrix3, Unit, UnitQuaternion, Vector3};
-use somersault_core::argument::{expect_not_negative, expect_positive};
+use somersault_core::argument::{expect_not_negative, expect_positive, expect_range};
 
 /// The part of a body or a link that touches; in its frame, from the centre of mass or the origin of the link, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,8 +28,8 @@ pub enum Shape {
         radius: f64,
     },
     /// All points within a radius of a segment, against a sphere or a cylinder seen from outside. It touches at the point of the
-    /// segment next to the centre or axis of the surface, which is not defined where the segment is parallel to that axis. The gap has
-    /// a jump in its second derivative where that point comes to an end of the segment.
+    /// segment nearest to the centre or axis of the surface, which is not unique where the segment is parallel to that axis. The second
+    /// derivative of the gap jumps where that point reaches an end of the segment.
     Capsule {
         /// Centre.
         centre: Vector3<f64>,
@@ -38,8 +38,8 @@ pub enum Shape {
         /// Radius; zero of an edge.
         radius: f64,
     },
-    /// A box, against a sphere seen from outside. It touches at its point next to the centre of the sphere, which must not be inside.
-    /// The gap has a jump in its second derivative where that point goes from a face to an edge or a corner.
+    /// A box, against a sphere seen from outside. It touches at its point nearest to the centre of the sphere, which must not be inside.
+    /// The second derivative of the gap jumps where that point passes from a face to an edge or a corner.
     Box {
         /// Centre.
         centre: Vector3<f64>,
@@ -67,7 +67,8 @@ impl Shape {
     pub(crate) fn try_capsule(ends: [Vector3<f64>; 2], radius: f64) -> Result<Self, ContactError> {
         let [a, b] = [finite("ends", ends[0])?, finite("ends", ends[1])?];
         let half = (b - a) * 0.5;
-        expect_positive("length", 2.0 * half.norm())?;
+        let allowed = "two points with a finite distance other than zero";
+        expect_range("ends", 2.0 * half.norm(), allowed, |length| length > 0.0 && length.is_finite())?;
         Ok(Self::Capsule { centre: a + half, half, radius: expect_not_negative("radius", radius)? })
     }
 
@@ -114,7 +115,7 @@ impl Shape {
         }
     }
 
-    /// Whether the point that the gap follows moves in the shape.
+    /// Whether the point that touches moves in the shape.
     #[inline]
     pub(crate) fn is_extended(&self) -> bool {
         match self {
@@ -123,13 +124,13 @@ impl Shape {
         }
     }
 
-    /// The arm of the point of a capsule or a box next to a core, of the centre of another shape.
+    /// The arm of the point of a capsule or a box nearest to a core; of another shape that of its centre.
     #[inline]
     pub(crate) fn nearest(&self, core: &SurfaceCore, x: &impl Carrier) -> Vector3<f64> {
         self.nearest_moving((core, &Vector3::zeros()), x).0
     }
 
-    /// The same with the velocity of that point, for a core that moves; NaN of a box next to a line.
+    /// The same with the velocity of that point, for a core that moves; NaN for a box and a line.
     pub(crate) fn nearest_moving(
         &self,
         (core, core_velocity): (&SurfaceCore, &Vector3<f64>),
@@ -208,7 +209,7 @@ impl Shape {
     }
 }
 
-/// The arms of the points of two capsules that are next to each other, and their velocities.
+/// The arms of the nearest points of two capsules, and their velocities.
 pub(crate) fn nearest_of_segments<C: Carrier>(
     halves: [(&Vector3<f64>, &Vector3<f64>); 2],
     carriers: [&C; 2],
@@ -220,7 +221,7 @@ pub(crate) fn nearest_of_segments<C: Carrier>(
     let (aa, ab, bb) = (a.norm_squared(), a.dot(&b), b.norm_squared());
     let (of_a, of_b) = (a.dot(&span), b.dot(&span));
     let determinant = aa * bb - ab * ab;
-    // Parallel segments have no two points next to each other; the middle of the first is as good as another.
+    // The nearest points of parallel segments are not unique; the middle of the first is taken.
     let first =
         if determinant > f64::EPSILON * aa * bb { (ab * of_b - of_a * bb) / determinant } else { 0.0 };
     let mut s = first.clamp(-1.0, 1.0);

@@ -55,10 +55,10 @@ pub struct GeometryContacts {
 /// | cylinder | its rims, `name rim 1` (at −z) and `name rim 2`, against half-spaces |
 /// | sphere | a ball, `name` |
 ///
-/// Each has the law for itself: a box that stands on a face has four springs, and a corner that touches a cylinder those of its three
-/// edges. These are all that touches planes, spheres and cylinders, from outside or inside. Against other surfaces edges and faces of a
-/// box, and the middle of a capsule, do not touch. A cylinder that stands flat, and a capsule along a cylinder, are held by points
-/// that are not determined (see [`Shape`](crate::shape::Shape)): a flat foot is a box.
+/// Each has its own law: a box that stands on a face has four springs, and a corner that touches a cylinder those of its three
+/// edges. Against planes, spheres and cylinders, from outside or inside, nothing else can touch. Against other surfaces edges and faces
+/// of a box, and the middle of a capsule, do not touch. The point of contact of a cylinder that stands flat, and of a capsule along a
+/// cylinder, is not unique (see [`Shape`](crate::shape::Shape)): use a box for a flat foot.
 ///
 /// ```
 /// use nalgebra::{UnitQuaternion, Vector3};

@@ -94,8 +94,11 @@ fn extreme(places: &[Vector3<f64>]) -> Result<Vec<Vector3<f64>>, String> {
     let mut faces: Vec<Face> =
         [[a, b, c], [a, d, b], [b, d, c], [c, d, a]].map(|corners| Face::new(corners, places)).into();
     for k in order {
-        let (seen, hidden): (Vec<Face>, Vec<Face>) =
-            faces.into_iter().partition(|face| face.height(&places[k]) > within);
+        let sees = |face: &Face| face.height(&places[k]) > within;
+        if !faces.iter().any(sees) {
+            continue;
+        }
+        let (seen, hidden): (Vec<Face>, Vec<Face>) = faces.into_iter().partition(sees);
         faces = hidden;
         let edges: HashSet<(usize, usize)> = seen.iter().flat_map(Face::edges).collect();
         let rim = seen.iter().flat_map(Face::edges).filter(|(from, to)| !edges.contains(&(*to, *from)));

@@ -42,9 +42,9 @@ impl Default for PlatformMotion {
     }
 }
 
-/// How far a derivative may be from differences, as a part of its largest value.
+/// The largest difference between a derivative and a difference quotient, relative to its largest value.
 const TOLERANCE: f64 = 1e-3;
-/// At how many times derivatives are compared with differences.
+/// The number of times at which derivatives are compared with difference quotients.
 const TIMES: usize = 9;
 
 impl PlatformMotion {
@@ -115,12 +115,12 @@ fn joined(linear: Vector3<f64>, angular: Vector3<f64>) -> [f64; 6] {
     [a, b, c, d, e, f]
 }
 
-/// A tree, and platforms beside it that move as functions of time, whatever force that takes.
+/// A tree, and platforms beside it that move as given functions of time.
 ///
 /// Each platform is a body of the model on a free joint. The tree's positions and velocities come first, then those of
-/// the platforms; contacts touch what [`LinkContact::on`](super::LinkContact::on) fixes in one. The platforms are integrated as all
-/// else is, so that they follow their motions to the accuracy of the method. They have the mass of the tree, which acts on nothing,
-/// and the tree hangs on a body without freedom, `STAND`.
+/// the platforms; [`LinkContact::on`](super::LinkContact::on) fixes a surface in one. The platforms are integrated with the tree, so
+/// that they follow their motions to the accuracy of the method. Each has the mass of the tree, which has no effect on the motion,
+/// and the root of the tree is a child of a fixed body, `STAND`.
 ///
 /// ```
 /// use nalgebra::{Matrix3, Vector3};
@@ -166,7 +166,7 @@ pub struct TreeOnPlatforms {
 }
 
 impl TreeOnPlatforms {
-    /// Name of the body without freedom that the tree and the platforms hang on.
+    /// Name of the fixed body that carries the tree and the platforms.
     pub const STAND: &'static str = "stand of platforms";
 
     /// A tree beside platforms of these names.
@@ -224,7 +224,7 @@ impl TreeOnPlatforms {
         Split::new((0..self.model.n_velocities()).map(|i| i >= self.of_tree[1]).collect())
     }
 
-    /// Writes the accelerations of the platforms among those of all; the others stay as they are.
+    /// Writes the accelerations of the platforms among those of all; the others are unchanged.
     pub fn write_accelerations(&self, motion: impl Fn(usize) -> PlatformMotion, out: &mut [f64]) {
         let of_platforms = out.get_mut(self.of_tree[1]..).unwrap_or_default();
         for (k, out) in of_platforms.chunks_exact_mut(6).enumerate() {
