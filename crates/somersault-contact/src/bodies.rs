@@ -3,7 +3,7 @@
 use crate::carrier::Carrier;
 use crate::contacts::{Contact, about_centre, is_free, without_stretch};
 use crate::encounters::Encounters;
-use crate::error::{ContactError, UntouchableShape};
+use crate::error::ContactError;
 use crate::event::EventKind;
 use crate::laws::{ContactLaw, ContactMode, ContactRate, Encounter, Mobility};
 use crate::shape::{Shape, nearest_of_segments};
@@ -68,10 +68,8 @@ impl BodySphere {
                 Shape::try_capsule([centre - half, centre + half], expect_positive("radius", *radius)?)?
             }
             GeometryShape::Box { size } => Shape::try_box(*size, (centre, orientation))?,
-            GeometryShape::Cylinder { .. } => return Err(UntouchableShape::Curved.into()),
-            GeometryShape::Ellipsoid { .. } => return Err(UntouchableShape::Ellipsoid.into()),
-            GeometryShape::Mesh { file, .. } => {
-                return Err(UntouchableShape::Mesh { file: file.clone() }.into());
+            GeometryShape::Cylinder { .. } | GeometryShape::Ellipsoid { .. } | GeometryShape::Mesh { .. } => {
+                return Err(ContactError::Pair);
             }
         };
         Ok(Self { body, shape })
@@ -109,7 +107,11 @@ impl SpherePair {
             (Shape::Ball { .. }, Shape::Ball { .. } | Shape::Capsule { .. } | Shape::Box { .. })
             | (Shape::Capsule { .. } | Shape::Box { .. }, Shape::Ball { .. }) => {}
             (Shape::Capsule { radius: a, .. }, Shape::Capsule { radius: b, .. }) if a + b > 0.0 => {}
-            _ => return Err(ContactError::Pair),
+            (Shape::Point(_) | Shape::Rim { .. }, _)
+            | (_, Shape::Point(_) | Shape::Rim { .. })
+            | (Shape::Capsule { .. } | Shape::Box { .. }, Shape::Capsule { .. } | Shape::Box { .. }) => {
+                return Err(ContactError::Pair);
+            }
         }
         Ok(Self { spheres: [first, second], law: law.into() })
     }

@@ -107,7 +107,7 @@ pub enum ContactError {
     #[error(transparent)]
     Model(#[from] somersault_multibody::ModelError),
     /// An interval without length.
-    #[error("`interval` must be two finite times, the first before the second, found {found:?}")]
+    #[error("`interval` must run forward between finite times, found {found:?}")]
     Interval {
         /// The times given.
         found: [f64; 2],

@@ -182,11 +182,8 @@ pub fn mesh_contacts(
         return Err(unreadable(format!("it has {size} bytes, more than {LARGEST_FILE}")).into());
     }
     let content = fs::read(file).map_err(|error| unreadable(error.to_string()))?;
-    let vertices = mesh::hull_vertices(&content, &shown)?;
-    let point = |place: Vector3<f64>| {
-        let place = position + orientation * place.component_mul(scale);
-        Contact::try_new(place, surface.clone(), law.clone())
-    };
+    let vertices = mesh::hull_vertices(&content, &shown, scale)?;
+    let point = |place| Contact::try_new(position + orientation * place, surface.clone(), law.clone());
     Ok(named(name, link, "vertex", vertices.into_iter().map(point).collect::<Result<_, _>>()?))
 }
 

@@ -18,10 +18,15 @@ const STL_TRIANGLE: usize = 50;
 /// How far from a face a place is within it, over the size of the mesh; and what the normals of the faces of a vertex differ by, squared.
 const DIGITS: f64 = 1e-9;
 
-/// The vertices of the convex hull of a mesh, by the content of its file and its name, which ends in `.stl` or `.obj`.
+/// The vertices of the convex hull of a mesh, by the content of its file and its name, which ends in `.stl` or `.obj`, with its axes
+/// scaled.
 ///
 /// Places that lie within a face or an edge of the hull to nine digits are left out.
-pub(super) fn hull_vertices(content: &[u8], file: &str) -> Result<Vec<Vector3<f64>>, UntouchableShape> {
+pub(super) fn hull_vertices(
+    content: &[u8],
+    file: &str,
+    scale: &Vector3<f64>,
+) -> Result<Vec<Vector3<f64>>, UntouchableShape> {
     let unreadable = |reason: String| UntouchableShape::Unreadable { file: file.to_owned(), reason };
     let places = match file.rsplit_once('.').map(|(_, ending)| ending.to_ascii_lowercase()).as_deref() {
         Some("stl") => stl(content).map_err(unreadable)?,
@@ -31,7 +36,8 @@ pub(super) fn hull_vertices(content: &[u8], file: &str) -> Result<Vec<Vector3<f6
     let mut seen = HashSet::new();
     // Zero has two signs.
     let bits = |place: &Vector3<f64>| place.map(|x| (x + 0.0).to_bits());
-    let places: Vec<Vector3<f64>> = places.into_iter().filter(|place| seen.insert(bits(place))).collect();
+    let places = places.into_iter().map(|place| place.component_mul(scale));
+    let places: Vec<Vector3<f64>> = places.filter(|place| seen.insert(bits(place))).collect();
     if places.len() > MOST_PLACES {
         return Err(unreadable(format!("it has {} different places, more than {MOST_PLACES}", places.len())));
     }
@@ -223,6 +229,18 @@ mod tests {
         assert!(found.len() == 8 && corners.iter().all(|corner| found.contains(corner)), "{found:?}");
         let flat: Vec<_> = places[..121].to_vec();
         assert_eq!(extreme(&flat).unwrap_err(), "its places have no convex hull with a volume");
+    }
+
+    #[test]
+    fn a_mesh_is_scaled_before_its_hull_is_sought() {
+        let of = |scale: [f64; 3]| {
+            hull_vertices(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n", "a.obj", &scale.into())
+                .map_err(|error| error.to_string())
+        };
+        assert!(of([1.0, -2.0, 3.0]).unwrap().contains(&Vector3::new(0.0, -2.0, 0.0)));
+        for scale in [[1.0, 1.0, 0.0], [0.0; 3], [f64::NAN, 1.0, 1.0], [1e308, 1e-308, 1.0]] {
+            assert!(of(scale).unwrap_err().ends_with("its places have no convex hull with a volume"));
+        }
     }
 
     #[test]

@@ -44,12 +44,14 @@ impl Default for PlatformMotion {
 
 /// The largest difference between a derivative and a difference quotient, relative to its largest value.
 const TOLERANCE: f64 = 1e-3;
+/// How many roundings of a motion and its time a difference quotient may have.
+const ROUNDINGS: f64 = 4.0;
 /// The number of times at which derivatives are compared with difference quotients.
 const TIMES: usize = 9;
 
 impl PlatformMotion {
-    /// Whether velocities and accelerations are the derivatives of a motion: to 10⁻³ of their largest values, or 10⁻⁶, by central
-    /// differences at nine times of an interval.
+    /// Whether velocities and accelerations are the derivatives of a motion: to 10⁻³ of their largest values, or 10⁻⁶, or the
+    /// rounding of the motion, by central differences of the fourth order at nine times of an interval.
     pub fn check<E: From<ContactError>>(
         motion: impl Fn(f64) -> Result<Self, E>,
         (start, end): (f64, f64),
@@ -62,26 +64,30 @@ impl PlatformMotion {
         let mut seen = Vec::with_capacity(TIMES);
         for k in 0..TIMES {
             let t = time(k);
-            seen.push((t, motion(t - step)?, motion(t)?, motion(t + step)?));
+            let around = |step: f64| Ok::<_, E>([motion(t - step)?, motion(t + step)?]);
+            seen.push((t, motion(t)?, around(step)?, around(2.0 * step)?));
         }
         type Of = fn(&PlatformMotion) -> Vector3<f64>;
-        type Between<'a> = &'a dyn Fn(&PlatformMotion, &PlatformMotion) -> Vector3<f64>;
-        let rate = |of: Of| move |a: &Self, b: &Self| of(b) - of(a);
-        let turn = |a: &Self, b: &Self| (b.orientation * a.orientation.inverse()).scaled_axis();
+        type Size = fn(&PlatformMotion) -> f64;
+        type Between<'a> = &'a dyn Fn(&[PlatformMotion; 2]) -> Vector3<f64>;
+        let rate = |of: Of| move |[a, b]: &[Self; 2]| of(b) - of(a);
+        let turn = |[a, b]: &[Self; 2]| (b.orientation * a.orientation.inverse()).scaled_axis();
         let (of_place, of_velocity, of_spin) =
             (rate(|m| m.position), rate(|m| m.velocity), rate(|m| m.angular_velocity));
-        let rows: [(&'static str, Of, Between<'_>); 4] = [
-            ("velocity", |m| m.velocity, &of_place),
-            ("acceleration", |m| m.acceleration, &of_velocity),
-            ("angular_velocity", |m| m.angular_velocity, &turn),
-            ("angular_acceleration", |m| m.angular_acceleration, &of_spin),
+        let rows: [(&'static str, Of, Size, Between<'_>); 4] = [
+            ("velocity", |m| m.velocity, |m| m.position.norm(), &of_place),
+            ("acceleration", |m| m.acceleration, |m| m.velocity.norm(), &of_velocity),
+            ("angular_velocity", |m| m.angular_velocity, |_| 1.0, &turn),
+            ("angular_acceleration", |m| m.angular_acceleration, |m| m.angular_velocity.norm(), &of_spin),
         ];
-        for (argument, of, difference) in rows {
-            let largest = seen.iter().fold(0.0_f64, |largest, (_, _, at, _)| largest.max(of(at).norm()));
-            for (t, before, at, after) in &seen {
-                let (found, differences) = (of(at), difference(before, after) * (0.5 / step));
+        for (argument, of, size, difference) in rows {
+            let largest = seen.iter().fold(0.0_f64, |largest, (_, at, ..)| largest.max(of(at).norm()));
+            for (t, at, near, far) in &seen {
+                let (found, differences) =
+                    (of(at), (difference(near) * 8.0 - difference(far)) / (12.0 * step));
+                let rounding = ROUNDINGS * f64::EPSILON * (size(at) + t.abs() * largest) / step;
                 let off = (found - differences).norm();
-                if off.is_nan() || off > TOLERANCE * largest + 1e-6 {
+                if off.is_nan() || off > TOLERANCE * largest + 1e-6 + rounding {
                     let (found, differences) = (found.into(), differences.into());
                     return Err(ContactError::NoDerivative { argument, t: *t, found, differences }.into());
                 }

@@ -170,7 +170,19 @@ fn wrong_platforms_are_refused_by_name() {
     assert!(check(spinning, (0.0, 1.0)).starts_with("`angular_velocity` must be"));
     let nowhere = |_: f64| PlatformMotion { position: Vector3::x() * f64::NAN, ..PlatformMotion::default() };
     assert!(check(nowhere, (0.0, 1.0)).starts_with("`velocity` must be"));
-    assert!(check(|_| PlatformMotion::default(), (1.0, 1.0)).starts_with("`interval` must be"));
+    assert!(check(|_| PlatformMotion::default(), (1.0, 1.0)).starts_with("`interval` must run forward"));
+    // Vibrations far faster than the interval and small beside the distance from the origin are no mistakes.
+    for (distance, amplitude, omega, interval) in
+        [(0.0, 1.0, 1e4, (0.0, 1.0)), (1e6, 1e-3, 1.0, (0.0, 1.0)), (0.0, 1.0, 1.0, (1e4, 1e4 + 1e-6))]
+    {
+        let shaking = |t: f64| PlatformMotion {
+            position: Vector3::x() * (distance + amplitude * (omega * t).sin()),
+            velocity: Vector3::x() * (amplitude * omega * (omega * t).cos()),
+            acceleration: Vector3::x() * (-amplitude * omega * omega * (omega * t).sin()),
+            ..PlatformMotion::default()
+        };
+        PlatformMotion::check(|t| Ok::<_, ContactError>(shaking(t)), interval).unwrap();
+    }
     let model = mass(Joint::Free);
     let scene = TreeOnPlatforms::try_new(&model, &["table"]).unwrap();
     let short = scene.start(&[0.0], &[0.0; 6], |_| PlatformMotion::default()).unwrap_err();

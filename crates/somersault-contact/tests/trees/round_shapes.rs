@@ -291,6 +291,8 @@ fn shapes_that_do_not_touch_smoothly_are_refused() {
         point.unwrap_err().to_string(),
         "`ends` must be two points with a finite distance other than zero, found 0"
     );
-    let boxes = LinkPair::of_shapes("pair", ["a", "b"], [(&BOX, place), (&CAPSULE, place)], law(1.0));
-    assert!(boxes.unwrap_err().to_string().starts_with("a pair must be of a ball with"));
+    for shape in [&CAPSULE, &GeometryShape::Cylinder { radius: 0.1, length: 0.5 }] {
+        let pair = LinkPair::of_shapes("pair", ["a", "b"], [(&BOX, place), (shape, place)], law(1.0));
+        assert!(pair.unwrap_err().to_string().starts_with("a pair must be of a ball with"));
+    }
 }

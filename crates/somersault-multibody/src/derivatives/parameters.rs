@@ -58,7 +58,12 @@ impl TreeParameter {
             Self::Inertia(_, tensor) => {
                 expect_finite("inertia", tensor)?;
                 let difference = (tensor - tensor.transpose()).amax();
-                expect_range("inertia", difference, "without difference across its diagonal", |x| x == 0.0)?;
+                expect_range(
+                    "inertia",
+                    difference,
+                    "symmetric, with a difference across the diagonal of zero",
+                    |x| x == 0.0,
+                )?;
             }
         }
         Ok(())

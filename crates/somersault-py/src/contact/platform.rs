@@ -3,7 +3,7 @@
 use crate::core::callable::check_callable;
 use crate::core::convert::{a_type, finite, finite_all, interval_of, orientation, row, vector, with_shape};
 use crate::core::error::Error;
-use crate::core::value::{brief, counted, few, value};
+use crate::core::value::{brief, counted, value};
 use crate::multibody::model::Model;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
@@ -255,8 +255,8 @@ impl TreeOnPlatforms {
     }
 
     fn __repr__(&self) -> String {
-        let names: Vec<String> = self.platforms.iter().map(|one| brief(&one.get().name, 30)).collect();
         let links = counted(self.tree.get().model.n_bodies(), "link", "links");
-        format!("<TreeOnPlatforms: {links} beside {}>", few(&names))
+        let platforms = counted(self.platforms.len(), "platform", "platforms");
+        format!("<TreeOnPlatforms: {links} beside {platforms}>")
     }
 }

@@ -505,6 +505,14 @@ impl TreeContactList {
     }
 }
 
+/// The number of a contact that an argument names.
+pub(crate) fn contact_named(argument: &str, name: &str, names: &[String]) -> Result<usize, Error> {
+    names.iter().position(|known| known == name).ok_or_else(|| {
+        let (names, found) = (few(names), brief(name, 40));
+        Error::input(format!("`{argument}` must name one of the contacts {names}, found '{found}'"))
+    })
+}
+
 /// A state with the stretches that an argument asks for.
 pub(crate) fn stretched<F: TreeForces, D: JointDrive>(
     system: &TreeInContact<'_, F, D>,
@@ -732,10 +740,7 @@ impl TreeContacts {
         q: &Bound<'py, PyAny>,
         contact: &str,
     ) -> Result<Bound<'py, PyArrayDyn<f64>>, Error> {
-        let Some(i) = self.names.iter().position(|name| name == contact) else {
-            let names = few(&self.names);
-            return Err(Error::input(format!("`contact` must be one of {names}, found '{contact}'")));
-        };
+        let i = contact_named("contact", contact, &self.names)?;
         self.with(py, (q, None), None, |system, x| {
             let found = system.contact_jacobian(i, x)?;
             let mut numbers = vec![0.0; found.len()];

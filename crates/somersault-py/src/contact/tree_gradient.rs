@@ -148,7 +148,11 @@ fn value_and_derivatives<const N: usize>(
         Error::input(format!("{what} must be a tuple of a number and {N} derivatives, found {found}"))
     };
     let parts = parts.filter(|parts| parts.len() == 1 + N).ok_or_else(wrong)?;
-    let value = finite(what, parts[0].extract::<f64>().map_err(|_| wrong())?)?;
+    let first = || {
+        let found = a_type(&parts[0]);
+        Error::input(format!("{what} must begin with a real number, found {found}"))
+    };
+    let value = finite(what, parts[0].extract::<f64>().map_err(|_| first())?)?;
     for (out, part) in out.into_iter().zip(&parts[1..]) {
         if part.is_none() {
             out.fill(0.0);

@@ -1,7 +1,7 @@
 //! Derivatives of a tree's motion through contacts.
 
 use crate::contact::sensitivity::{Derivatives, PickledDerivatives, outcome_of, parameters as parameters_of};
-use crate::contact::tree::{LinkEvent, TreeContactList, TreeTouches, stretched};
+use crate::contact::tree::{LinkEvent, TreeContactList, TreeTouches, contact_named, stretched};
 use crate::core::callable::Failure;
 use crate::core::convert::{
     finite_all, integer_or_none, interval_of, row, row_of_pickled, sequence, vector, with_shape,
@@ -130,9 +130,10 @@ fn parameter(
     value: &Bound<'_, PyAny>,
     (model, names): (&multibody::Model, &[String]),
 ) -> Result<Vec<Parameter>, Error> {
-    let contact = |of: &Bound<'_, PyAny>| match of.extract::<usize>() {
-        Ok(number) => Some(number),
-        Err(_) => of.extract::<String>().ok().and_then(|of| names.iter().position(|name| *name == of)),
+    let contact = |of: &Bound<'_, PyAny>| match (of.extract::<usize>(), of.extract::<String>()) {
+        (Ok(number), _) => Ok(Some(number)),
+        (Err(_), Ok(name)) => contact_named("parameters", &name, names).map(Some),
+        (Err(_), Err(_)) => Ok(None),
     };
     let body = |of: &Bound<'_, PyAny>| match of.extract::<String>() {
         Ok(name) => model.body(&name).map(Some).map_err(Error::from),
@@ -145,10 +146,10 @@ fn parameter(
     let name = parts.first().and_then(|name| name.extract::<String>().ok()).unwrap_or_default();
     let found = match (name.split_once('.'), name.as_str(), &parts[..]) {
         (Some(("law", name)), _, [_, of]) => {
-            contact(of).and_then(|of| one(Parameter::normal(of, name.to_string())))
+            contact(of)?.and_then(|of| one(Parameter::normal(of, name.to_string())))
         }
         (Some(("friction", name)), _, [_, of]) => {
-            contact(of).and_then(|of| one(Parameter::friction(of, name.to_string())))
+            contact(of)?.and_then(|of| one(Parameter::friction(of, name.to_string())))
         }
         (None, "torque", [_, dof]) => {
             dof.extract::<usize>().ok().and_then(|dof| one(Parameter::JointForce(dof)))
