@@ -245,3 +245,75 @@ pub(crate) fn nearest_of_segments<C: Carrier>(
     };
     [(arm_a, velocity_a + a * rate_a), (arm_b, velocity_b + b * rate_b)]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::carrier::Frame;
+    use nalgebra::Rotation3;
+    use somersault_core::random::SplitMix64;
+    use somersault_integrators::state::Twist;
+    use somersault_integrators::variation::Tangent;
+
+    fn vector(random: &mut SplitMix64, size: f64) -> Vector3<f64> {
+        Vector3::from_fn(|_, _| size * (2.0 * random.unit() - 1.0))
+    }
+
+    fn frame(random: &mut SplitMix64, origin: Vector3<f64>) -> Frame {
+        let rotation = Rotation3::new(vector(random, 2.0)).into_inner();
+        Frame { origin, rotation, velocity: vector(random, 1.0), angular_velocity: vector(random, 1.0) }
+    }
+
+    /// A frame after a time at its velocities.
+    fn later(x: &Frame, time: f64) -> Frame {
+        let displacement = Twist { linear: x.velocity, angular: x.angular_velocity };
+        x.moved(&Tangent { displacement, rate: Twist::default() }, time)
+    }
+
+    /// The largest difference of a velocity from that of a point that moves.
+    fn error(velocity: Vector3<f64>, place: impl Fn(f64) -> Vector3<f64>) -> f64 {
+        ((place(1e-6) - place(-1e-6)) / 2e-6 - velocity).norm()
+    }
+
+    #[test]
+    fn nearest_points_move_at_their_velocities() {
+        let random = &mut SplitMix64::new(3);
+        let turn = UnitQuaternion::new(Vector3::new(0.2, 0.5, -0.3));
+        let boxed = Shape::try_box(Vector3::new(0.4, 0.6, 0.2), (Vector3::y() * 0.1, turn)).unwrap();
+        let capsule = Shape::try_capsule([Vector3::x() * 0.4, Vector3::z()], 0.1).unwrap();
+        let line = SurfaceCore::Line(Vector3::zeros(), Unit::new_normalize(Vector3::new(1.0, 0.3, -0.2)));
+        let point = SurfaceCore::Point(Vector3::zeros());
+        for (shape, core) in [(&boxed, point), (&capsule, point), (&capsule, line)] {
+            for _ in 0..12 {
+                let origin = vector(random, 0.8);
+                let (x, drift) = (frame(random, origin), vector(random, 1.0));
+                let (_, velocity) = shape.nearest_moving((&core, &drift), &x);
+                // In axes that move with the core.
+                let mut seen = x;
+                seen.velocity -= drift;
+                let place = |time: f64| {
+                    let x = later(&seen, time);
+                    x.origin + shape.nearest(&core, &x)
+                };
+                let off = error(velocity - drift, place);
+                assert!(off < 1e-8, "{shape:?} {core:?}: {off:e}");
+            }
+        }
+        for _ in 0..30 {
+            let halves =
+                [(vector(random, 0.1), vector(random, 0.5)), (vector(random, 0.1), vector(random, 0.5))];
+            let halves = [(&halves[0].0, &halves[0].1), (&halves[1].0, &halves[1].1)];
+            let apart = vector(random, 0.8);
+            let (x, y) = (frame(random, Vector3::zeros()), frame(random, apart));
+            let found = nearest_of_segments(halves, [&x, &y]);
+            for (side, carrier) in [x, y].iter().enumerate() {
+                let place = |time: f64| {
+                    let arms = nearest_of_segments(halves, [&later(&x, time), &later(&y, time)]);
+                    later(carrier, time).origin + arms[side].0
+                };
+                let off = error(found[side].1, place);
+                assert!(off < 1e-7, "{side} of {halves:?}: {off:e}");
+            }
+        }
+    }
+}

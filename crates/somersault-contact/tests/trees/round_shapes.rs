@@ -105,8 +105,7 @@ fn later(model: &Model, q: &[f64], v: &[f64], time: f64) -> Vec<f64> {
     out
 }
 
-/// Gap, rate, normal and tilting of a contact against what is known of a shape by its points: the smallest distance of all, and
-/// differences of gap and normal along the motion.
+/// Gap of a contact against the smallest distance of all points of a shape, and its rate against differences along the motion.
 fn check(system: &TreeInContact<'_>, q: &[f64], v: &[f64], least: f64, within: f64) {
     let model = system.model();
     let at = |q: &[f64]| system.touches(&system.unstretched(model.state(q, v).unwrap()))[0];
