@@ -165,7 +165,7 @@ const LARGEST_FILE: u64 = 64 << 20;
 /// The contacts of the convex hull of a mesh that is fixed in a link: its vertices as points, `name vertex 1` and so on.
 ///
 /// A mesh that is not convex touches as its hull does, and, as of a box, neither edges nor faces touch curved surfaces. The
-/// file ends in `.stl` or `.obj`; it may have 50 000 different places, and its hull 512 vertices.
+/// file ends in `.stl` or `.obj`; it may have 50 000 different vertices, and its hull 512 vertices.
 pub fn mesh_contacts(
     name: &str,
     link: &str,

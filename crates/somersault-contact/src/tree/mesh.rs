@@ -1,6 +1,6 @@
 //! Vertices of the convex hull of a mesh, from an STL or OBJ file.
 //!
-//! Only places are read of a file, in double precision: triangles, normals, groups and materials say nothing about the hull.
+//! Only vertices are read from a file, in double precision: triangles, normals, groups and materials do not change the hull.
 
 use crate::error::UntouchableShape;
 use nalgebra::{Matrix3, Vector3};
@@ -39,7 +39,10 @@ pub(super) fn hull_vertices(
     let places = places.into_iter().map(|place| place.component_mul(scale));
     let places: Vec<Vector3<f64>> = places.filter(|place| seen.insert(bits(place))).collect();
     if places.len() > MOST_PLACES {
-        return Err(unreadable(format!("it has {} different places, more than {MOST_PLACES}", places.len())));
+        return Err(unreadable(format!(
+            "it has {} different vertices, more than {MOST_PLACES}",
+            places.len()
+        )));
     }
     let vertices = extreme(&places).map_err(unreadable)?;
     if vertices.len() > MOST_VERTICES {
@@ -80,7 +83,7 @@ impl Face {
 /// The vertices of the convex hull of places, which grows by one place after another: the faces that a place sees give way to those
 /// between it and their rim. Those far from the middle come first, so that most of the others are found inside.
 fn extreme(places: &[Vector3<f64>]) -> Result<Vec<Vector3<f64>>, String> {
-    let flat = || "its places have no convex hull with a volume".to_owned();
+    let flat = || "its vertices have no convex hull with a volume".to_owned();
     let middle = places.iter().sum::<Vector3<f64>>() / places.len().max(1) as f64;
     let size = places.iter().fold(0.0_f64, |size, place| size.max((place - middle).norm()));
     let within = size * DIGITS;
@@ -184,7 +187,7 @@ fn finite(place: Vector3<f64>) -> Result<Vector3<f64>, String> {
     if place.iter().all(|x| x.is_finite()) {
         Ok(place)
     } else {
-        Err(format!("its places must be finite, found {:?}", place.as_slice()))
+        Err(format!("its vertices must be finite, found {:?}", place.as_slice()))
     }
 }
 
@@ -228,7 +231,7 @@ mod tests {
         let corners = [0, 10, 110, 120, 1210, 1220, 1320, 1330].map(|k| places[k]);
         assert!(found.len() == 8 && corners.iter().all(|corner| found.contains(corner)), "{found:?}");
         let flat: Vec<_> = places[..121].to_vec();
-        assert_eq!(extreme(&flat).unwrap_err(), "its places have no convex hull with a volume");
+        assert_eq!(extreme(&flat).unwrap_err(), "its vertices have no convex hull with a volume");
     }
 
     #[test]
@@ -239,7 +242,7 @@ mod tests {
         };
         assert!(of([1.0, -2.0, 3.0]).unwrap().contains(&Vector3::new(0.0, -2.0, 0.0)));
         for scale in [[1.0, 1.0, 0.0], [0.0; 3], [f64::NAN, 1.0, 1.0], [1e308, 1e-308, 1.0]] {
-            assert!(of(scale).unwrap_err().ends_with("its places have no convex hull with a volume"));
+            assert!(of(scale).unwrap_err().ends_with("its vertices have no convex hull with a volume"));
         }
     }
 

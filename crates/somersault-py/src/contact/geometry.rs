@@ -88,7 +88,7 @@ pub(crate) fn shape_contacts(
 ///
 /// Boxes, capsules, cylinders and spheres touch as in `shape_contacts`. The contacts of a link with one shape are called by its name,
 /// as in ``foot corner 3``; those of one with more ``link shape 1``, ``link shape 2`` and so on. Of a mesh the vertices of its convex hull
-/// touch, as points, ``name vertex 1`` and so on, if `meshes` says where its file is: STL or OBJ, of up to 50 000 different places and 512
+/// touch, as points, ``name vertex 1`` and so on, if `meshes` says where its file is: STL or OBJ, of up to 50 000 different vertices and 512
 /// vertices of the hull; a mesh that is not convex touches as its hull does. Other meshes and ellipsoids are left out, and so are
 /// rims against anything but a plane.
 ///

@@ -891,11 +891,12 @@ impl TreeContacts {
     /// Returns
     /// -------
     /// ndarray, shape (n_velocities,)
-    ///     N m, and N of joints that slide. Forces in the joint of a free base are what the ground fails to give.
+    ///     N m, and N of joints that slide. Forces in the joint of a free base are residuals: with contact forces that fit the
+    ///     motion they are zero.
     ///
     /// Examples
     /// --------
-    /// A leg that stands straight on 63.765 N takes nothing of its joints:
+    /// A straight leg that stands on 63.765 N needs no joint forces:
     ///
     /// >>> import numpy as np
     /// >>> from somersault import contact

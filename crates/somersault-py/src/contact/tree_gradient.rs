@@ -206,7 +206,7 @@ fn value_and_derivatives<const N: usize>(
 /// stretches : {'loaded'} or array_like, shape (contacts, 3), optional
 ///     Stretches of the contacts' friction at the start; they do not change with the state at the start.
 /// grazing : float, optional
-///     Size of the least gap up to which a surface is grazed, as of `differentiate`.
+///     Size of the minimum gap up to which a surface is grazed, as of `differentiate`.
 /// max_event_rate : float, optional
 ///     Most events per second and contact, averaged over the last 64.
 ///
