@@ -223,7 +223,7 @@ pub(crate) fn outcome_of<S>(
 ///
 /// The variational equations are integrated beside the state, by the same method in the same steps, and jump
 /// where contacts begin and end. User-defined surfaces are differentiated by differences of their gradients,
-/// callable forces by differences.
+/// callable forces by differences. Capsules and boxes with friction have the limits that `differentiate_tree` names.
 ///
 /// Parameters
 /// ----------

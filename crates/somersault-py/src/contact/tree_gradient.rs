@@ -168,6 +168,7 @@ fn value_and_derivatives<const N: usize>(
 /// The run is recorded, and a backward pass through the record applies the adjoint: the transpose of each step and of each jump at an event of
 /// the columns of `differentiate_tree`. Both give the same numbers, to rounding. The time is that of about five runs for any number of
 /// parameters, for example a torque profile of a hundred numbers. The record has a state for each step.
+/// Capsules and boxes with friction have the limits that `differentiate_tree` names.
 ///
 /// Parameters
 /// ----------

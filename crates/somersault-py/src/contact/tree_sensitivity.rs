@@ -298,7 +298,8 @@ pub(crate) type MovingTree = Varied<Augmented<Coordinates>, AugmentedRate<Rates>
 ///
 /// The variational equations are integrated beside the state, by the same method in the same steps, and jump
 /// where contacts begin and end. Joint forces and accelerations that are callables are differentiated by central differences. For
-/// many parameters and one cost, `gradient_tree` is faster.
+/// many parameters and one cost, `gradient_tree` is faster. They are approximate after the nearest point of a capsule or a box with friction
+/// reached an end or an edge while it touched: the rate of the stretch jumps there.
 ///
 /// Parameters
 /// ----------
