@@ -295,13 +295,13 @@ def _reference(scene: str) -> Array:
 
 
 def _against_own(run: Callable[[float], Array], finest: float) -> Callable[[float], float]:
-    """The distance from the own answer of what has a contact of its own kind."""
+    """The distance of a program with another law of contact from its own finest answer."""
     answer = cache(run)
     return lambda setting: float(np.abs(run(setting) - answer(finest)).max())
 
 
 def contenders(scene: str) -> list[Contender]:
-    """Everyone who can get there; what has a contact of its own kind returns its error."""
+    """The programs that integrate the scene; those with another law of contact return their error."""
     ours, steps = geometric(1e-2, 1e-14, 4), geometric(500, 32_000, 2)
     pinocchio_and_scipy = partial(_by_pinocchio, scene)
     return [

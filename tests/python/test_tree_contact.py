@@ -365,7 +365,7 @@ def test_names_of_contacts_are_checked() -> None:
     leg = contact.hopping_leg()
     feet = contact.TreeContacts(leg.model, leg.contacts)
     wrong: list[tuple[Callable[[], object], str]] = [
-        (lambda: feet.jacobian(leg.q, "toe"), "`contact` must be one of foot, found 'toe'"),
+        (lambda: feet.jacobian(leg.q, "toe"), "`contact` must name one of the contacts foot, found 'toe'"),
         (lambda: feet.forces(leg.q[:4], leg.v), "`q` must be real numbers of shape (5,)"),
         (
             lambda: contact.LinkPair("pair", ("body", "body"), (0.1, 0.1), LAW),
@@ -460,7 +460,7 @@ def test_platforms_that_are_wrong_are_refused() -> None:
         lambda t: (zero, zero), "`motion` must return position, velocity and acceleration.*found 2 values"
     )
     refused(lambda t: ((t, 0, 0), zero, zero), "`velocity` must be the derivative of the motion")
-    refused(lambda t: (zero, zero, zero), "`interval` must be", interval=(1.0, 0.0))
+    refused(lambda t: (zero, zero, zero), "`interval` must run forward", interval=(1.0, 0.0))
     table = contact.Platform("table", lambda t: (zero, zero, zero))
     with pytest.raises(errors.InputError, match="a body named `table` was added before"):
         contact.TreeOnPlatforms(tree, [table, table])

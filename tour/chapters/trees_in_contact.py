@@ -90,7 +90,7 @@ def _differentiated(leg: contact.TreeContactSystem, count: int) -> tuple[list[fl
     by: list[Any] = [("torque", 4, profile)]
 
     def height(q: Any, _: Any) -> tuple[float, Any, None]:
-        # the body moves along its own axes
+        # the velocity of the body is in its own axes
         return q[1], np.array([np.sin(q[2]), np.cos(q[2]), 0.0, 0.0, 0.0]), None
 
     clock = [time.perf_counter()]
@@ -128,7 +128,7 @@ def _gradients(
     page.section("Gradients through the stances")
     page.text(
         "The height of the body after the first stance depends on the torque of the knee at every time. The"
-        " adjoint walks back through steps and events once, whatever the number of parameters; columns carry"
+        " adjoint passes back through steps and events once, whatever the number of parameters; columns carry"
         " one derivative for each of them. Both are the same numbers to rounding."
     )
     page.code(

@@ -3,7 +3,7 @@
 use crate::carrier::Carrier;
 use crate::contacts::{Contact, about_centre, is_free, without_stretch};
 use crate::encounters::Encounters;
-use crate::error::{ContactError, UntouchableShape};
+use crate::error::ContactError;
 use crate::event::EventKind;
 use crate::laws::{ContactLaw, ContactMode, ContactRate, Encounter, Mobility};
 use crate::shape::{Shape, nearest_of_segments};
@@ -68,10 +68,8 @@ impl BodySphere {
                 Shape::try_capsule([centre - half, centre + half], expect_positive("radius", *radius)?)?
             }
             GeometryShape::Box { size } => Shape::try_box(*size, (centre, orientation))?,
-            GeometryShape::Cylinder { .. } => return Err(UntouchableShape::Curved.into()),
-            GeometryShape::Ellipsoid { .. } => return Err(UntouchableShape::Ellipsoid.into()),
-            GeometryShape::Mesh { file, .. } => {
-                return Err(UntouchableShape::Mesh { file: file.clone() }.into());
+            GeometryShape::Cylinder { .. } | GeometryShape::Ellipsoid { .. } | GeometryShape::Mesh { .. } => {
+                return Err(ContactError::Pair);
             }
         };
         Ok(Self { body, shape })
@@ -86,9 +84,9 @@ impl BodySphere {
 /// Two spheres on two bodies that touch under some laws, or a sphere and a capsule or a box, or two capsules.
 ///
 /// The force acts at one point, on the line of the centres where the radii divide it, on one body as on the
-/// other, so that neither momentum nor angular momentum arises from it. The centre of a capsule or a box is its point next to the
-/// other shape: gap, normal and arms are continuous, and their rates jump where that point goes from a face to an edge, or to the
-/// end of a segment. Two capsules that become parallel are held by points that are not determined.
+/// other, so that neither momentum nor angular momentum arises from it. For a capsule or a box the centre is its point nearest to the
+/// other shape: gap, normal and arms are continuous, and their rates jump where that point passes from a face to an edge, or to the
+/// end of a segment. The nearest points of two parallel capsules are not unique.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SpherePair {
     spheres: [BodySphere; 2],
@@ -109,7 +107,11 @@ impl SpherePair {
             (Shape::Ball { .. }, Shape::Ball { .. } | Shape::Capsule { .. } | Shape::Box { .. })
             | (Shape::Capsule { .. } | Shape::Box { .. }, Shape::Ball { .. }) => {}
             (Shape::Capsule { radius: a, .. }, Shape::Capsule { radius: b, .. }) if a + b > 0.0 => {}
-            _ => return Err(ContactError::Pair),
+            (Shape::Point(_) | Shape::Rim { .. }, _)
+            | (_, Shape::Point(_) | Shape::Rim { .. })
+            | (Shape::Capsule { .. } | Shape::Box { .. }, Shape::Capsule { .. } | Shape::Box { .. }) => {
+                return Err(ContactError::Pair);
+            }
         }
         Ok(Self { spheres: [first, second], law: law.into() })
     }
@@ -321,7 +323,7 @@ impl SpherePair {
         self.spheres.iter().all(|sphere| !sphere.shape.is_extended())
     }
 
-    /// The arms of the centres of two spheres and their velocities; of a capsule or a box those of its point next to the other
+    /// The arms of the centres of two spheres and their velocities; for a capsule or a box those of its point nearest to the other
     /// shape.
     fn centres<C: Carrier>(&self, carriers: [&C; 2]) -> [(Vector3<f64>, Vector3<f64>); 2] {
         let [a, b] = self.spheres.each_ref().map(|sphere| &sphere.shape);

@@ -35,7 +35,7 @@ pub struct Contact {
     surface: Arc<dyn Surface>,
     /// The surface itself where it is a half-space, the most common one.
     plane: Option<HalfSpace>,
-    /// What a capsule or a box is next to.
+    /// The core of the surface.
     core: Option<SurfaceCore>,
     law: ContactLaw,
 }
@@ -68,7 +68,7 @@ impl Contact {
     /// A capsule, by the ends of its segment and its radius, against a sphere or a cylinder that is seen from outside, or another
     /// surface with a [core](Surface::core). With the radius zero it is an edge.
     ///
-    /// Against planes, and from inside, the balls at its ends are all that touches.
+    /// Against planes, and from inside, only the balls at its ends touch.
     pub fn try_capsule(
         ends: [Vector3<f64>; 2],
         radius: f64,
@@ -85,7 +85,7 @@ impl Contact {
     /// A box, by the lengths of its edges, its centre and how it is turned in the body, against a sphere that is seen from
     /// outside.
     ///
-    /// Against planes, and from inside, its corners are all that touches.
+    /// Against planes, and from inside, only its corners touch.
     pub fn try_box(
         size: Vector3<f64>,
         place: (Vector3<f64>, UnitQuaternion<f64>),
@@ -122,7 +122,8 @@ impl Contact {
         &self.surface
     }
 
-    /// The same against another surface, which for a rim must be a plane, and have a core for a capsule or a box.
+    /// The same against another surface, which must be a plane for a rim, and have the [core](Surface::core) that a capsule or a box
+    /// needs.
     #[must_use]
     pub fn against(self, surface: Arc<dyn Surface>) -> Self {
         Self::new(self.shape, surface, self.law)
@@ -154,7 +155,7 @@ impl Contact {
         self.shape.place(self.core.as_ref(), distance, x)
     }
 
-    /// The arm of the point whose distance the gap follows, and its velocity.
+    /// The arm of the point whose distance from the surface is the gap, but for a radius, and its velocity.
     fn followed<C: Carrier>(&self, x: &C) -> (Vector3<f64>, Vector3<f64>) {
         match &self.core {
             Some(core) => self.shape.nearest_moving((core, &Vector3::zeros()), x),

@@ -103,11 +103,11 @@ pub enum ContactError {
     /// The tree has no dynamics there.
     #[error(transparent)]
     Dynamics(#[from] DynamicsError),
-    /// The tree cannot be joined with what moves beside it.
+    /// The tree cannot be joined with its platforms.
     #[error(transparent)]
     Model(#[from] somersault_multibody::ModelError),
     /// An interval without length.
-    #[error("`interval` must be two finite times, the first before the second, found {found:?}")]
+    #[error("`interval` must run forward between finite times, found {found:?}")]
     Interval {
         /// The times given.
         found: [f64; 2],
@@ -164,7 +164,7 @@ pub enum UntouchableShape {
         /// Where it was sought.
         folder: String,
     },
-    /// The file of a mesh says nothing that touches.
+    /// The file of a mesh cannot be read, or has no convex hull of the allowed size.
     #[error("the mesh `{file}` has no contacts: {reason}")]
     Unreadable {
         /// The file.
@@ -178,7 +178,7 @@ pub enum UntouchableShape {
     /// The rims of a cylinder touch planes.
     #[error("the rims of a cylinder touch half-spaces only; a box, capsule or sphere touches any surface")]
     Curved,
-    /// The middle of a capsule or an edge touches what is round from outside.
+    /// The middle of a capsule or an edge touches spheres and cylinders from outside only.
     #[error(
         "a capsule touches spheres and cylinders from outside, with its middle; against another surface take the balls at its ends"
     )]

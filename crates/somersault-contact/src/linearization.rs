@@ -16,7 +16,7 @@
 //! | ball | n · δC | δφ × R c − ρ δn |
 //! | rim | n · δC − ρ δ‖d‖ | δφ × R c + ρ δ(d/‖d‖) |
 //!
-//! The point of a capsule or a box that is next to a surface moves in the shape: their encounters are differentiated by central
+//! The point of a capsule or a box nearest to a surface moves in the shape: their encounters are differentiated by central
 //! differences.
 
 use crate::carrier::{Carrier, Frame};

@@ -4,7 +4,7 @@ use crate::carrier::Carrier;
 use crate::error::{ContactError, finite};
 use crate::surface::{SignedDistance, SurfaceCore};
 use nalgebra::{Matrix3, Unit, UnitQuaternion, Vector3};
-use somersault_core::argument::{expect_not_negative, expect_positive};
+use somersault_core::argument::{expect_not_negative, expect_positive, expect_range};
 
 /// The part of a body or a link that touches; in its frame, from the centre of mass or the origin of the link, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -28,8 +28,8 @@ pub enum Shape {
         radius: f64,
     },
     /// All points within a radius of a segment, against a sphere or a cylinder seen from outside. It touches at the point of the
-    /// segment next to the centre or axis of the surface, which is not defined where the segment is parallel to that axis. The gap has
-    /// a jump in its second derivative where that point comes to an end of the segment.
+    /// segment nearest to the centre or axis of the surface, which is not unique where the segment is parallel to that axis. The second
+    /// derivative of the gap jumps where that point reaches an end of the segment.
     Capsule {
         /// Centre.
         centre: Vector3<f64>,
@@ -38,8 +38,8 @@ pub enum Shape {
         /// Radius; zero of an edge.
         radius: f64,
     },
-    /// A box, against a sphere seen from outside. It touches at its point next to the centre of the sphere, which must not be inside.
-    /// The gap has a jump in its second derivative where that point goes from a face to an edge or a corner.
+    /// A box, against a sphere seen from outside. It touches at its point nearest to the centre of the sphere, which must not be inside.
+    /// The second derivative of the gap jumps where that point passes from a face to an edge or a corner.
     Box {
         /// Centre.
         centre: Vector3<f64>,
@@ -67,7 +67,8 @@ impl Shape {
     pub(crate) fn try_capsule(ends: [Vector3<f64>; 2], radius: f64) -> Result<Self, ContactError> {
         let [a, b] = [finite("ends", ends[0])?, finite("ends", ends[1])?];
         let half = (b - a) * 0.5;
-        expect_positive("length", 2.0 * half.norm())?;
+        let allowed = "two points with a finite distance other than zero";
+        expect_range("ends", 2.0 * half.norm(), allowed, |length| length > 0.0 && length.is_finite())?;
         Ok(Self::Capsule { centre: a + half, half, radius: expect_not_negative("radius", radius)? })
     }
 
@@ -114,7 +115,7 @@ impl Shape {
         }
     }
 
-    /// Whether the point that the gap follows moves in the shape.
+    /// Whether the point that touches moves in the shape.
     #[inline]
     pub(crate) fn is_extended(&self) -> bool {
         match self {
@@ -123,13 +124,13 @@ impl Shape {
         }
     }
 
-    /// The arm of the point of a capsule or a box next to a core, of the centre of another shape.
+    /// The arm of the point of a capsule or a box nearest to a core; of another shape that of its centre.
     #[inline]
     pub(crate) fn nearest(&self, core: &SurfaceCore, x: &impl Carrier) -> Vector3<f64> {
         self.nearest_moving((core, &Vector3::zeros()), x).0
     }
 
-    /// The same with the velocity of that point, for a core that moves; NaN of a box next to a line.
+    /// The same with the velocity of that point, for a core that moves; NaN for a box and a line.
     pub(crate) fn nearest_moving(
         &self,
         (core, core_velocity): (&SurfaceCore, &Vector3<f64>),
@@ -208,7 +209,7 @@ impl Shape {
     }
 }
 
-/// The arms of the points of two capsules that are next to each other, and their velocities.
+/// The arms of the nearest points of two capsules, and their velocities.
 pub(crate) fn nearest_of_segments<C: Carrier>(
     halves: [(&Vector3<f64>, &Vector3<f64>); 2],
     carriers: [&C; 2],
@@ -220,7 +221,7 @@ pub(crate) fn nearest_of_segments<C: Carrier>(
     let (aa, ab, bb) = (a.norm_squared(), a.dot(&b), b.norm_squared());
     let (of_a, of_b) = (a.dot(&span), b.dot(&span));
     let determinant = aa * bb - ab * ab;
-    // Parallel segments have no two points next to each other; the middle of the first is as good as another.
+    // The nearest points of parallel segments are not unique; the middle of the first is taken.
     let first =
         if determinant > f64::EPSILON * aa * bb { (ab * of_b - of_a * bb) / determinant } else { 0.0 };
     let mut s = first.clamp(-1.0, 1.0);
@@ -243,4 +244,76 @@ pub(crate) fn nearest_of_segments<C: Carrier>(
         (false, false) => (0.0, 0.0),
     };
     [(arm_a, velocity_a + a * rate_a), (arm_b, velocity_b + b * rate_b)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::carrier::Frame;
+    use nalgebra::Rotation3;
+    use somersault_core::random::SplitMix64;
+    use somersault_integrators::state::Twist;
+    use somersault_integrators::variation::Tangent;
+
+    fn vector(random: &mut SplitMix64, size: f64) -> Vector3<f64> {
+        Vector3::from_fn(|_, _| size * (2.0 * random.unit() - 1.0))
+    }
+
+    fn frame(random: &mut SplitMix64, origin: Vector3<f64>) -> Frame {
+        let rotation = Rotation3::new(vector(random, 2.0)).into_inner();
+        Frame { origin, rotation, velocity: vector(random, 1.0), angular_velocity: vector(random, 1.0) }
+    }
+
+    /// A frame after a time at its velocities.
+    fn later(x: &Frame, time: f64) -> Frame {
+        let displacement = Twist { linear: x.velocity, angular: x.angular_velocity };
+        x.moved(&Tangent { displacement, rate: Twist::default() }, time)
+    }
+
+    /// The largest difference of a velocity from that of a point that moves.
+    fn error(velocity: Vector3<f64>, place: impl Fn(f64) -> Vector3<f64>) -> f64 {
+        ((place(1e-6) - place(-1e-6)) / 2e-6 - velocity).norm()
+    }
+
+    #[test]
+    fn nearest_points_move_at_their_velocities() {
+        let random = &mut SplitMix64::new(3);
+        let turn = UnitQuaternion::new(Vector3::new(0.2, 0.5, -0.3));
+        let boxed = Shape::try_box(Vector3::new(0.4, 0.6, 0.2), (Vector3::y() * 0.1, turn)).unwrap();
+        let capsule = Shape::try_capsule([Vector3::x() * 0.4, Vector3::z()], 0.1).unwrap();
+        let line = SurfaceCore::Line(Vector3::zeros(), Unit::new_normalize(Vector3::new(1.0, 0.3, -0.2)));
+        let point = SurfaceCore::Point(Vector3::zeros());
+        for (shape, core) in [(&boxed, point), (&capsule, point), (&capsule, line)] {
+            for _ in 0..12 {
+                let origin = vector(random, 0.8);
+                let (x, drift) = (frame(random, origin), vector(random, 1.0));
+                let (_, velocity) = shape.nearest_moving((&core, &drift), &x);
+                // In axes that move with the core.
+                let mut seen = x;
+                seen.velocity -= drift;
+                let place = |time: f64| {
+                    let x = later(&seen, time);
+                    x.origin + shape.nearest(&core, &x)
+                };
+                let off = error(velocity - drift, place);
+                assert!(off < 1e-8, "{shape:?} {core:?}: {off:e}");
+            }
+        }
+        for _ in 0..30 {
+            let halves =
+                [(vector(random, 0.1), vector(random, 0.5)), (vector(random, 0.1), vector(random, 0.5))];
+            let halves = [(&halves[0].0, &halves[0].1), (&halves[1].0, &halves[1].1)];
+            let apart = vector(random, 0.8);
+            let (x, y) = (frame(random, Vector3::zeros()), frame(random, apart));
+            let found = nearest_of_segments(halves, [&x, &y]);
+            for (side, carrier) in [x, y].iter().enumerate() {
+                let place = |time: f64| {
+                    let arms = nearest_of_segments(halves, [&later(&x, time), &later(&y, time)]);
+                    later(carrier, time).origin + arms[side].0
+                };
+                let off = error(found[side].1, place);
+                assert!(off < 1e-7, "{side} of {halves:?}: {off:e}");
+            }
+        }
+    }
 }

@@ -154,8 +154,8 @@ pub trait Surface: std::fmt::Debug + Send + Sync {
         f64::INFINITY
     }
 
-    /// The point or line that the surface keeps a constant distance from, where it is seen from outside: the centre of a sphere, the
-    /// axis of a cylinder; none, as by default, where there is none. Capsules and boxes touch with their point next to it.
+    /// The point or line at a constant distance from the surface, if the solid is on its side: the centre of a sphere, the axis of a
+    /// cylinder. `None`, the default, for other surfaces. A capsule or a box touches at its point nearest to the core.
     fn core(&self) -> Option<SurfaceCore> {
         None
     }
@@ -182,7 +182,7 @@ pub trait Surface: std::fmt::Debug + Send + Sync {
     }
 }
 
-/// What a sphere or a cylinder keeps a constant distance from.
+/// The centre of a sphere or the axis of a cylinder.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum SurfaceCore {
     /// A point, m.

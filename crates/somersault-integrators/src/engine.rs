@@ -14,7 +14,7 @@ use crate::scratch::{Allocation, Storage};
 use crate::state::{Configuration, State, Tolerances};
 use crate::step_size::{Adaptive, StepSizeControl};
 use crate::stepper::{EmbeddedStepper, MethodInfo, StepError, Stepper};
-use crate::system::{Decoder, StateOf, System};
+use crate::system::{Decoder, StateOf, System, Unchanged};
 use crate::tableau::Tableau;
 use somersault_core::argument::ArgumentError;
 
@@ -174,6 +174,13 @@ where
         let allowed = "a slot of this engine, and another than `from`";
         let wrong = |_| ArgumentError::OutOfRange { argument: "to", allowed, found: to.0 as f64 };
         states.get_disjoint_mut([from.0, to.0]).map_err(wrong)
+    }
+}
+
+impl<'a, B: System, M: Stepper<B>> FormEngine<'a, B::Configuration, B, M, Unchanged> {
+    /// An engine of a method that integrates the variables of the system itself, for trajectories through states of the size of `x`.
+    pub(crate) fn unchanged(system: &'a B, stepper: &'a M, x: StateOf<B>) -> Result<Self, StepError> {
+        Self::start(system, stepper, Unchanged, &|x, out| out.assign(x), x)
     }
 }
 

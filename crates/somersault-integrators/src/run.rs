@@ -27,7 +27,7 @@ use crate::engine::{Engine, FormEngine};
 use crate::error::IntegrateError;
 use crate::methods::{Forms, Method, Options};
 use crate::stepper::{EmbeddedStepper, StepError, Stepper};
-use crate::system::{StateOf, System, Unchanged};
+use crate::system::{StateOf, System};
 
 /// A run of a system by a method: from a state on, with the steps chosen, seen by an observer.
 ///
@@ -117,8 +117,7 @@ impl<S: System, M: Stepper<S>> Engages<S> for ByStepper<'_, M> {
         if is_adapted {
             return Err(IntegrateError::NoErrorEstimate { method: M::INFO.name });
         }
-        let encode = |x: &StateOf<S>, out: &mut StateOf<S>| out.assign(x);
-        Ok(run(&mut FormEngine::start(system, self.0, Unchanged, &encode, initial.clone())?))
+        Ok(run(&mut FormEngine::unchanged(system, self.0, initial.clone())?))
     }
 }
 
@@ -134,9 +133,7 @@ impl<S: System, M: EmbeddedStepper<S>> Engages<S> for ByEmbeddedStepper<'_, M> {
         _: bool,
         run: &mut dyn FnMut(&mut dyn Engine<S::Configuration>) -> R,
     ) -> Result<R, IntegrateError> {
-        let encode = |x: &StateOf<S>, out: &mut StateOf<S>| out.assign(x);
-        let engine = FormEngine::start(system, self.0, Unchanged, &encode, initial.clone())?;
-        Ok(run(&mut engine.with_estimate()))
+        Ok(run(&mut FormEngine::unchanged(system, self.0, initial.clone())?.with_estimate()))
     }
 }
 

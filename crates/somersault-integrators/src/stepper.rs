@@ -217,8 +217,8 @@ pub trait Scheme {
     /// The row of the method table.
     const INFO: MethodInfo;
 
-    /// The tableau by which an explicit Runge–Kutta method advances vectors, as columns of tangents beside a state are, with
-    /// one evaluation for each stage, in their order; `None`, as by default, of any other method.
+    /// The tableau by which an explicit Runge–Kutta method advances vectors, such as tangents that are integrated with a state: one
+    /// evaluation for each stage, in their order. `None`, the default, for any other method.
     fn on_vectors(&self) -> Option<Tableau> {
         None
     }

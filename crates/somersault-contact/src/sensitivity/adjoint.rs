@@ -1,6 +1,6 @@
-//! Gradients by the adjoint: a run of a tree that is walked back.
+//! Gradients by the adjoint: a run of a tree that is recorded, and a backward pass through its record.
 //!
-//! What a run's columns are advanced by is linear in them: by the variational equations, with the slopes K_i of an explicit Runge–Kutta method,
+//! The columns of a run are advanced by linear maps: by the variational equations, with the slopes K_i of an explicit Runge–Kutta method,
 //! and by a saltation at each event. The adjoint applies the transposes of the same maps from the end to the start. Of a step
 //! ```text
 //! D_i = δ + h Σ_j a_ij K_j,   K_i = A_i D_i + g_i δp,   δ₊ = δ + h Σ_i b_i K_i,
@@ -42,7 +42,7 @@ use std::fmt;
 /// its `reason` alone does not.
 pub type RecordedResult<R> = Result<R, Box<Undifferentiated<Option<R>>>>;
 
-/// A run of a tree in contact, with what leads back from its end: see [`SensitivityRun::recorded_from`].
+/// A run of a tree in contact with the record that a backward pass needs: see [`SensitivityRun::recorded_from`].
 pub struct RecordedRun<'a, 'm, F: TreeForces, D: JointDrive, M> {
     variational: Variational<'a, TreeInContact<'m, F, D>>,
     method: M,
@@ -54,14 +54,14 @@ pub struct RecordedRun<'a, 'm, F: TreeForces, D: JointDrive, M> {
 }
 
 /// Derivatives of a cost of the end of a run: by the motions of the joints along q ⊕ ε e_k, by their velocities, and by the times of the
-/// events, none of which weighs where there are none.
+/// events.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct EndCost<'a> {
     /// By the motions of the joints at the end, n_velocities.
     pub by_motion: &'a [f64],
     /// By the velocities of the joints at the end, n_velocities.
     pub by_velocity: &'a [f64],
-    /// By the times of the events, in the order of the run's; or nothing.
+    /// By the times of the events, in the order of those of the run; empty where the cost does not depend on them.
     pub by_event_times: &'a [f64],
 }
 
@@ -107,13 +107,14 @@ where
     D: JointDrive,
     M: for<'b> Engages<Frozen<'b, Variational<'a, TreeInContact<'m, F, D>>>>,
 {
-    /// Runs from a state without columns and records the run, so that it can be walked back: gradients of costs of its end
-    /// ([`RecordedRun::gradient`]), each for about as much as four runs, whatever the number of parameters (`cargo bench --bench contact -- gradient_of_a_hop`).
+    /// Runs from a state without columns, and records the run for gradients of costs of its end ([`RecordedRun::gradient`]). Each gradient
+    /// takes the time of about four runs, for any number of parameters (`cargo bench --bench contact -- gradient_of_a_hop`).
     ///
     /// The method must be an explicit Runge–Kutta method ([`Scheme::on_vectors`](somersault_integrators::stepper::Scheme::on_vectors)):
-    /// `euler`, `mp`, `heun`, `rk4`, `rkmk`, `rkmk3`, `rkmk5`, `rkmk8`, `cf4`, or one of your own tableau. Memory: a state for each step.
+    /// `euler`, `mp`, `heun`, `rk4`, `rkmk`, `rkmk3`, `rkmk5`, `rkmk8`, `cf4`,
+    /// or a user-defined explicit Runge–Kutta method. Memory: a state for each step.
     ///
-    /// Errors: those of [`from`](Self::from), another method, and a record for which there is no room. After a graze the gradients are
+    /// Errors: those of [`from`](Self::from), a method of another kind, and a record for which there is no memory. After a graze the gradients are
     /// one-sided, as the columns are.
     pub fn recorded_from(self, initial: &TreeState) -> RecordedResult<RecordedRun<'a, 'm, F, D, M>> {
         let Self { system, differentiation, method, steps, location, observer } = self;
@@ -188,11 +189,12 @@ impl<'a, 'm, F: TreeForces, D: JointDrive, M> RecordedRun<'a, 'm, F, D, M> {
     }
 
     /// The gradient of a cost of the end, of the times of the events, and of a running cost if one is given, by the initial state and the
-    /// parameters: what the rows of [`TreeSensitivities`](super::TreeSensitivities) make with these weights, to rounding.
+    /// parameters. To rounding it is the product of the derivatives of the cost and the rows of
+    /// [`TreeSensitivities`](super::TreeSensitivities).
     ///
-    /// `watch` is shown the time before each step, on the way back, and may stop it.
+    /// `watch` is called in the backward pass with the time before each step, and may stop it.
     ///
-    /// Errors: lengths that do not fit, a way that was stopped, and numbers that are not finite.
+    /// Errors: lengths that do not fit, a backward pass that was stopped, and numbers that are not finite.
     pub fn gradient<'w>(
         &mut self,
         cost: &EndCost<'_>,
@@ -215,27 +217,27 @@ impl<'a, 'm, F: TreeForces, D: JointDrive, M> RecordedRun<'a, 'm, F, D, M> {
         let (t, start) = &self.start;
         let moving = varied(start.clone(), &[], 0);
         let frozen = Frozen::new(&self.variational, *t, &moving);
-        let mut way = WayBack::new(self, cost, running, watch, (frozen.mode(), moving.clone()))?;
-        let walked =
-            self.method.engage(&frozen, &moving, self.is_adapted, &mut |engine| way.walk(engine, &frozen));
-        walked.map_err(|error| why(error.into()))??;
+        let mut pass = BackwardPass::new(self, cost, running, watch, (frozen.mode(), moving.clone()))?;
+        let done =
+            self.method.engage(&frozen, &moving, self.is_adapted, &mut |engine| pass.run(engine, &frozen));
+        done.map_err(|error| why(error.into()))??;
         let state: Vec<f64> = system
             .tangents(&start.base())
             .iter()
             .map(|unit| {
-                let Costate { displacement, rate } = &way.costate;
+                let Costate { displacement, rate } = &pass.costate;
                 dot(displacement, &unit.displacement) + dot(&rate.base, &unit.rate)
             })
             .collect();
-        let gradient = TreeGradient { state, parameters: way.parameters, running: way.value };
+        let gradient = TreeGradient { state, parameters: pass.parameters, running: pass.value };
         let TreeGradient { state, parameters, running } = &gradient;
         let finite = running.is_finite() && state.iter().chain(parameters).all(|x| x.is_finite());
         if finite { Ok(gradient) } else { Err(SensitivityError::NonFinite) }
     }
 }
 
-/// The way back through a run.
-struct WayBack<'r, 'a, 'm, 'w, F: TreeForces, D: JointDrive, M> {
+/// The backward pass through a run.
+struct BackwardPass<'r, 'a, 'm, 'w, F: TreeForces, D: JointDrive, M> {
     recorded: &'r RecordedRun<'a, 'm, F, D, M>,
     event_times: &'r [f64],
     running: Option<RunningCost<'w>>,
@@ -253,7 +255,7 @@ struct WayBack<'r, 'a, 'm, 'w, F: TreeForces, D: JointDrive, M> {
     by: [Vec<f64>; 2],
 }
 
-impl<'r, 'a, 'm, 'w, F: TreeForces, D: JointDrive, M> WayBack<'r, 'a, 'm, 'w, F, D, M> {
+impl<'r, 'a, 'm, 'w, F: TreeForces, D: JointDrive, M> BackwardPass<'r, 'a, 'm, 'w, F, D, M> {
     fn new(
         recorded: &'r RecordedRun<'a, 'm, F, D, M>,
         cost: &EndCost<'r>,
@@ -289,8 +291,8 @@ impl<'r, 'a, 'm, 'w, F: TreeForces, D: JointDrive, M> WayBack<'r, 'a, 'm, 'w, F,
         })
     }
 
-    /// Walks back all steps and events.
-    fn walk(
+    /// Passes back through all steps and events.
+    fn run(
         &mut self,
         engine: &mut dyn Engine<Moving>,
         frozen: &Frozen<'_, Variational<'a, TreeInContact<'m, F, D>>>,
@@ -318,7 +320,7 @@ impl<'r, 'a, 'm, 'w, F: TreeForces, D: JointDrive, M> WayBack<'r, 'a, 'm, 'w, F,
         Ok(())
     }
 
-    /// Goes back through the last of so many passages, where they are at t; how many are left.
+    /// Passes back through those of the first `passed` passages that are at t; returns how many are left.
     fn pass_back(&mut self, t: f64, mut passed: usize) -> usize {
         let RecordedRun { variational, run, .. } = self.recorded;
         let Some(record) = variational.record() else { return passed };
@@ -341,7 +343,7 @@ impl<'r, 'a, 'm, 'w, F: TreeForces, D: JointDrive, M> WayBack<'r, 'a, 'm, 'w, F,
         passed
     }
 
-    /// Makes a step again, and goes back through its stages.
+    /// Makes a step again, and passes back through its stages.
     fn step_back(
         &mut self,
         engine: &mut dyn Engine<Moving>,

@@ -81,7 +81,7 @@ pub trait Differentiable: Linearized {
         horizon: f64,
     ) -> f64;
 
-    /// As [`Hybrid::next_stop`](somersault_integrators::events::Hybrid::next_stop); none, as by default, where all forces are smooth.
+    /// As [`Hybrid::next_stop`](somersault_integrators::events::Hybrid::next_stop); `None`, the default, where all forces are smooth.
     fn next_stop_after(&self, _t: f64) -> Option<f64> {
         None
     }

@@ -52,7 +52,8 @@
 //! other forces by central differences; at a touch-down δv jumps by −M⁻¹ Jᵀ (F⁺ − F⁻) δt. Derivatives are by motions of the
 //! joints along q ⊕ ε e_k, by their velocities, by constants of the laws, by joint forces that are constant
 //! ([`Parameter::JointForce`]) or given at knots ([`Parameter::JointForceAt`]), and by masses, centres of mass, inertias and
-//! placements of joints ([`Parameter::Tree`]); what is left are [`TreeSensitivities`].
+//! placements of joints ([`Parameter::Tree`]); what is left are [`TreeSensitivities`]. They are approximate after the nearest point of a
+//! capsule or a box with friction reached an end or an edge while it touched: the rate of the stretch jumps there, without an event.
 //!
 //! ```
 //! use somersault_contact::models::HoppingLeg;

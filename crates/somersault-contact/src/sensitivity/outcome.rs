@@ -105,23 +105,23 @@ pub enum SensitivityError {
     /// A parameter of the tree that there is not, or that accelerations have no derivative by.
     #[error("`parameters`: {0}")]
     Tree(#[from] DynamicsError),
-    /// Joints are driven in a way that says nothing of its derivative.
+    /// Joints are driven otherwise than by accelerations, and the derivative of such a drive is unknown.
     #[error("the joints are driven otherwise than by accelerations: there is no derivative")]
     Drive,
-    /// A method whose steps cannot be walked back.
+    /// A method whose steps the adjoint cannot transpose.
     #[error("a gradient by the adjoint takes an explicit Runge-Kutta method, found `{method}`")]
     NoAdjoint {
         /// The method.
         method: &'static str,
     },
-    /// A run whose steps cannot all be kept.
-    #[error("there is no room to record {steps} steps")]
+    /// A run whose record exceeds the memory.
+    #[error("there is not enough memory to record {steps} steps")]
     NoRoom {
         /// Steps made, or to be made.
         steps: u64,
     },
-    /// A gradient that was stopped.
-    #[error("stopped at t = {t}, on the way back to the start")]
+    /// A backward pass that was stopped.
+    #[error("the backward pass was stopped at t = {t}")]
     Stopped {
         /// The time reached, s.
         t: f64,

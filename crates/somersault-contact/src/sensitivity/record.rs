@@ -1,4 +1,4 @@
-//! What the forward run of the adjoint leaves for the way back: its events, the stages of a step that is made again, and the states
+//! The record of a run for the backward pass of the adjoint: its events, the stages of a step that is made again, and the states
 //! before its steps.
 
 use super::differentiable::Differentiable;
@@ -79,7 +79,7 @@ impl<S: Differentiable> Record<S> {
 /// Configuration and rate of a tree with stretches.
 type OfTree<'a> = (&'a Augmented<Coordinates>, &'a AugmentedRate<Rates>);
 
-/// The steps of a run of a tree: when each began and ended, and the state before it, in one run of numbers.
+/// The steps of a run of a tree: when each began and ended, and the state before it, all states in one vector.
 #[derive(Debug, Default)]
 pub(super) struct Steps {
     times: Vec<[f64; 2]>,
@@ -87,13 +87,13 @@ pub(super) struct Steps {
 }
 
 impl Steps {
-    /// Asks for room for so many more, of states of the size of `x`.
+    /// Reserves memory for so many more, of states of the size of `x`.
     pub(super) fn reserve(&mut self, steps: usize, x: OfTree<'_>) -> Result<(), TryReserveError> {
         self.times.try_reserve(steps)?;
         self.numbers.try_reserve(steps.saturating_mul(size(x)))
     }
 
-    /// Keeps a step; fails where there is no room.
+    /// Appends a step; fails where there is no memory.
     pub(super) fn push(&mut self, times: [f64; 2], before: OfTree<'_>) -> Result<(), TryReserveError> {
         self.reserve(1, before)?;
         let (q, p) = before;
@@ -123,7 +123,7 @@ impl Steps {
     }
 }
 
-/// How many numbers a state has.
+/// The number of numbers of a state.
 fn size((q, p): OfTree<'_>) -> usize {
     q.0.as_slice().len() + p.dimension()
 }

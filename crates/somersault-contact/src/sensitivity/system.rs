@@ -55,7 +55,7 @@ pub struct Variational<'a, S: Differentiable> {
     duration: f64,
     keep_events: bool,
     pub(super) log: RefCell<Log>,
-    /// Of a run that is to be walked back.
+    /// Of a run for the adjoint.
     record: Option<RefCell<Record<S>>>,
     /// For what happens between steps.
     between: RefCell<Between<S::Room>>,

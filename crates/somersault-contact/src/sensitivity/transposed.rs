@@ -1,10 +1,11 @@
-//! A tree in contact, linearised in a state and transposed: what a covector on its accelerations and rates of stretches, or on the time of an
-//! event, is as one on its state and on parameters.
+//! A tree in contact, linearised in a state and transposed: it pulls a covector on the accelerations and rates of stretches, or on the time
+//! of an event, back to the state and the parameters.
 //!
 //! A contact is transposed by the derivatives of its effort along the twelve tangents of each link that it is on.
 
 use super::parameter::{FoundParameter, Parameter};
 use super::system::{Margin, Passing};
+use crate::bodies::Part;
 use crate::carrier::Frame;
 use crate::laws::{ContactChange, ContactLaw, ContactMode, Encounter, LawParameter};
 use crate::linearized::{At, Linearized, LinearizedRoom};
@@ -24,7 +25,7 @@ pub(super) struct Costate {
 }
 
 impl Costate {
-    /// None, of the size of a rate.
+    /// Zero, of the size of a rate.
     pub(super) fn zero(like: &AugmentedRate<Rates>) -> Self {
         let mut zero = Self { displacement: like.base.clone(), rate: like.clone() };
         zero.set_zero();
@@ -52,7 +53,7 @@ pub(super) struct Transposed {
     units: Vec<Tangent<Twist>>,
 }
 
-/// A contact in a state, and what its efforts are weighed by.
+/// A contact in a state, with the covector on its rate of stretch.
 struct Weighed<'a> {
     of: &'a LinkLinearization,
     law: &'a ContactLaw,
@@ -76,8 +77,8 @@ impl Transposed {
         }
     }
 
-    /// out ← what a covector on the slope of the state, q̇ and the accelerations with the rates of stretches, is as one on the state;
-    /// adds to `by` what it is on the parameters.
+    /// Pulls a covector on the slope of the state, q̇ and the accelerations with the rates of stretches, back to the state, as `out`, and to
+    /// the parameters, added to `by`.
     pub(super) fn pull<F: TreeForces, D: JointDrive>(
         &mut self,
         system: &TreeInContact<'_, F, D>,
@@ -107,16 +108,10 @@ impl Transposed {
                 stretch: p.variables[i],
                 stretching: covector.rate.variables[i],
             };
-            for link in of.links() {
-                for k in 0..12 {
-                    units[link] = Tangent::unit(k);
-                    let moved = of.along(&part, frames, units);
-                    let change = ContactChange { at: &moved, stretch: &Vector3::zeros(), parameter: None };
-                    let weight = weighed.product(adjoint, frames, units, &change);
-                    adjoint.add_link(link, weight, &Tangent::unit(k));
-                }
-                units[link] = Tangent::default();
-            }
+            add_links(adjoint, units, (of, &part, &*frames), |adjoint, tangents, moved| {
+                let change = ContactChange { at: moved, stretch: &Vector3::zeros(), parameter: None };
+                weighed.product(adjoint, frames, tangents, &change)
+            });
             for axis in 0..3 {
                 let stretch = Vector3::ith(axis, 1.0);
                 let change = ContactChange { at: &Encounter::ZERO, stretch: &stretch, parameter: None };
@@ -143,8 +138,8 @@ impl Transposed {
         adjoint.finish(system.tree(), variation, t, &q.0, (&mut out.displacement, &mut out.rate.base));
     }
 
-    /// Takes a covector from after an event to before it; adds to `by` what it is on the parameters. The times of the guards that
-    /// change sign weigh as `weight` says.
+    /// Pulls a covector after an event back to the state before it and to the parameters, added to `by`. `weight` is the derivative of
+    /// the cost by the time at which a guard changes sign.
     pub(super) fn pass<F: TreeForces, D: JointDrive>(
         &mut self,
         system: &TreeInContact<'_, F, D>,
@@ -189,17 +184,7 @@ impl Transposed {
             adjoint.begin_with_links();
             let TreeRoom { variation, frames, contacts, .. } = w;
             let Some(Some(of)) = contacts.get(contact) else { continue };
-            for link in of.links() {
-                for k in 0..12 {
-                    units[link] = Tangent::unit(k);
-                    adjoint.add_link(
-                        link,
-                        margin(&of.along(&part, frames, units), zero, None),
-                        &Tangent::unit(k),
-                    );
-                }
-                units[link] = Tangent::default();
-            }
+            add_links(adjoint, units, (of, &part, &*frames), |_, _, moved| margin(moved, zero, None));
             for axis in 0..3 {
                 costate.rate.variables[contact][axis] += margin(still, &Vector3::ith(axis, 1.0), None);
             }
@@ -216,7 +201,7 @@ impl Transposed {
         }
     }
 
-    /// Adds what covectors on the motion of the joints and on the change of their velocities are on a tangent to a state.
+    /// Adds covectors on the motion of the joints and on the change of their velocities, pulled back to a tangent to a state.
     pub(super) fn add_joints<F: TreeForces, D: JointDrive>(
         &mut self,
         system: &TreeInContact<'_, F, D>,
@@ -230,7 +215,7 @@ impl Transposed {
 }
 
 impl Weighed<'_> {
-    /// The change of the efforts on the links and of the rate of stretch, weighed.
+    /// The product of the covectors and the change of the efforts on the links and of the rate of stretch.
     fn product(
         &self,
         adjoint: &TreeAdjoint,
@@ -260,7 +245,25 @@ impl Weighed<'_> {
     }
 }
 
-/// A covector and a rate.
+/// Adds the covectors on the links of a contact: for each unit tangent of each, the derivative `by` of the change of its encounter.
+fn add_links(
+    adjoint: &mut TreeAdjoint,
+    units: &mut [Tangent<Twist>],
+    (of, part, frames): (&LinkLinearization, &Part<'_>, &[Frame]),
+    by: impl Fn(&TreeAdjoint, &[Tangent<Twist>], &Encounter) -> f64,
+) {
+    for link in of.links() {
+        for k in 0..12 {
+            units[link] = Tangent::unit(k);
+            let moved = of.along(part, frames, units);
+            let weight = by(adjoint, units, &moved);
+            adjoint.add_link(link, weight, &Tangent::unit(k));
+        }
+        units[link] = Tangent::default();
+    }
+}
+
+/// The product of a covector and a rate.
 pub(super) fn dot(covector: &Rates, rate: &Rates) -> f64 {
     covector.as_slice().iter().zip(rate.as_slice()).map(|(covector, rate)| covector * rate).sum()
 }

@@ -55,10 +55,10 @@ pub struct GeometryContacts {
 /// | cylinder | its rims, `name rim 1` (at −z) and `name rim 2`, against half-spaces |
 /// | sphere | a ball, `name` |
 ///
-/// Each has the law for itself: a box that stands on a face has four springs, and a corner that touches a cylinder those of its three
-/// edges. These are all that touches planes, spheres and cylinders, from outside or inside. Against other surfaces edges and faces of a
-/// box, and the middle of a capsule, do not touch. A cylinder that stands flat, and a capsule along a cylinder, are held by points
-/// that are not determined (see [`Shape`](crate::shape::Shape)): a flat foot is a box.
+/// Each has its own law: a box that stands on a face has four springs, and a corner that touches a cylinder those of its three
+/// edges. Against planes, spheres and cylinders, from outside or inside, nothing else can touch. Against other surfaces edges and faces
+/// of a box, and the middle of a capsule, do not touch. The point of contact of a cylinder that stands flat, and of a capsule along a
+/// cylinder, is not unique (see [`Shape`](crate::shape::Shape)): use a box for a flat foot.
 ///
 /// ```
 /// use nalgebra::{UnitQuaternion, Vector3};
@@ -165,7 +165,7 @@ const LARGEST_FILE: u64 = 64 << 20;
 /// The contacts of the convex hull of a mesh that is fixed in a link: its vertices as points, `name vertex 1` and so on.
 ///
 /// A mesh that is not convex touches as its hull does, and, as of a box, neither edges nor faces touch curved surfaces. The
-/// file ends in `.stl` or `.obj`; it may have 50 000 different places, and its hull 512 vertices.
+/// file ends in `.stl` or `.obj`; it may have 50 000 different vertices, and its hull 512 vertices.
 pub fn mesh_contacts(
     name: &str,
     link: &str,
@@ -182,11 +182,8 @@ pub fn mesh_contacts(
         return Err(unreadable(format!("it has {size} bytes, more than {LARGEST_FILE}")).into());
     }
     let content = fs::read(file).map_err(|error| unreadable(error.to_string()))?;
-    let vertices = mesh::hull_vertices(&content, &shown)?;
-    let point = |place: Vector3<f64>| {
-        let place = position + orientation * place.component_mul(scale);
-        Contact::try_new(place, surface.clone(), law.clone())
-    };
+    let vertices = mesh::hull_vertices(&content, &shown, scale)?;
+    let point = |place| Contact::try_new(position + orientation * place, surface.clone(), law.clone());
     Ok(named(name, link, "vertex", vertices.into_iter().map(point).collect::<Result<_, _>>()?))
 }
 

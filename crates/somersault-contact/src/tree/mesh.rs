@@ -1,6 +1,6 @@
 //! Vertices of the convex hull of a mesh, from an STL or OBJ file.
 //!
-//! Only places are read of a file, in double precision: triangles, normals, groups and materials say nothing about the hull.
+//! Only vertices are read from a file, in double precision: triangles, normals, groups and materials do not change the hull.
 
 use crate::error::UntouchableShape;
 use nalgebra::{Matrix3, Vector3};
@@ -18,10 +18,15 @@ const STL_TRIANGLE: usize = 50;
 /// How far from a face a place is within it, over the size of the mesh; and what the normals of the faces of a vertex differ by, squared.
 const DIGITS: f64 = 1e-9;
 
-/// The vertices of the convex hull of a mesh, by the content of its file and its name, which ends in `.stl` or `.obj`.
+/// The vertices of the convex hull of a mesh, by the content of its file and its name, which ends in `.stl` or `.obj`, with its axes
+/// scaled.
 ///
 /// Places that lie within a face or an edge of the hull to nine digits are left out.
-pub(super) fn hull_vertices(content: &[u8], file: &str) -> Result<Vec<Vector3<f64>>, UntouchableShape> {
+pub(super) fn hull_vertices(
+    content: &[u8],
+    file: &str,
+    scale: &Vector3<f64>,
+) -> Result<Vec<Vector3<f64>>, UntouchableShape> {
     let unreadable = |reason: String| UntouchableShape::Unreadable { file: file.to_owned(), reason };
     let places = match file.rsplit_once('.').map(|(_, ending)| ending.to_ascii_lowercase()).as_deref() {
         Some("stl") => stl(content).map_err(unreadable)?,
@@ -31,9 +36,13 @@ pub(super) fn hull_vertices(content: &[u8], file: &str) -> Result<Vec<Vector3<f6
     let mut seen = HashSet::new();
     // Zero has two signs.
     let bits = |place: &Vector3<f64>| place.map(|x| (x + 0.0).to_bits());
-    let places: Vec<Vector3<f64>> = places.into_iter().filter(|place| seen.insert(bits(place))).collect();
+    let places = places.into_iter().map(|place| place.component_mul(scale));
+    let places: Vec<Vector3<f64>> = places.filter(|place| seen.insert(bits(place))).collect();
     if places.len() > MOST_PLACES {
-        return Err(unreadable(format!("it has {} different places, more than {MOST_PLACES}", places.len())));
+        return Err(unreadable(format!(
+            "it has {} different vertices, more than {MOST_PLACES}",
+            places.len()
+        )));
     }
     let vertices = extreme(&places).map_err(unreadable)?;
     if vertices.len() > MOST_VERTICES {
@@ -74,7 +83,7 @@ impl Face {
 /// The vertices of the convex hull of places, which grows by one place after another: the faces that a place sees give way to those
 /// between it and their rim. Those far from the middle come first, so that most of the others are found inside.
 fn extreme(places: &[Vector3<f64>]) -> Result<Vec<Vector3<f64>>, String> {
-    let flat = || "its places have no convex hull with a volume".to_owned();
+    let flat = || "its vertices have no convex hull with a volume".to_owned();
     let middle = places.iter().sum::<Vector3<f64>>() / places.len().max(1) as f64;
     let size = places.iter().fold(0.0_f64, |size, place| size.max((place - middle).norm()));
     let within = size * DIGITS;
@@ -94,8 +103,11 @@ fn extreme(places: &[Vector3<f64>]) -> Result<Vec<Vector3<f64>>, String> {
     let mut faces: Vec<Face> =
         [[a, b, c], [a, d, b], [b, d, c], [c, d, a]].map(|corners| Face::new(corners, places)).into();
     for k in order {
-        let (seen, hidden): (Vec<Face>, Vec<Face>) =
-            faces.into_iter().partition(|face| face.height(&places[k]) > within);
+        let sees = |face: &Face| face.height(&places[k]) > within;
+        if !faces.iter().any(sees) {
+            continue;
+        }
+        let (seen, hidden): (Vec<Face>, Vec<Face>) = faces.into_iter().partition(sees);
         faces = hidden;
         let edges: HashSet<(usize, usize)> = seen.iter().flat_map(Face::edges).collect();
         let rim = seen.iter().flat_map(Face::edges).filter(|(from, to)| !edges.contains(&(*to, *from)));
@@ -175,7 +187,7 @@ fn finite(place: Vector3<f64>) -> Result<Vector3<f64>, String> {
     if place.iter().all(|x| x.is_finite()) {
         Ok(place)
     } else {
-        Err(format!("its places must be finite, found {:?}", place.as_slice()))
+        Err(format!("its vertices must be finite, found {:?}", place.as_slice()))
     }
 }
 
@@ -219,7 +231,19 @@ mod tests {
         let corners = [0, 10, 110, 120, 1210, 1220, 1320, 1330].map(|k| places[k]);
         assert!(found.len() == 8 && corners.iter().all(|corner| found.contains(corner)), "{found:?}");
         let flat: Vec<_> = places[..121].to_vec();
-        assert_eq!(extreme(&flat).unwrap_err(), "its places have no convex hull with a volume");
+        assert_eq!(extreme(&flat).unwrap_err(), "its vertices have no convex hull with a volume");
+    }
+
+    #[test]
+    fn a_mesh_is_scaled_before_its_hull_is_sought() {
+        let of = |scale: [f64; 3]| {
+            hull_vertices(b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n", "a.obj", &scale.into())
+                .map_err(|error| error.to_string())
+        };
+        assert!(of([1.0, -2.0, 3.0]).unwrap().contains(&Vector3::new(0.0, -2.0, 0.0)));
+        for scale in [[1.0, 1.0, 0.0], [0.0; 3], [f64::NAN, 1.0, 1.0], [1e308, 1e-308, 1.0]] {
+            assert!(of(scale).unwrap_err().ends_with("its vertices have no convex hull with a volume"));
+        }
     }
 
     #[test]

@@ -42,14 +42,16 @@ impl Default for PlatformMotion {
     }
 }
 
-/// How far a derivative may be from differences, as a part of its largest value.
+/// The largest difference between a derivative and a difference quotient, relative to its largest value.
 const TOLERANCE: f64 = 1e-3;
-/// At how many times derivatives are compared with differences.
+/// How many roundings of a motion and its time a difference quotient may have.
+const ROUNDINGS: f64 = 4.0;
+/// The number of times at which derivatives are compared with difference quotients.
 const TIMES: usize = 9;
 
 impl PlatformMotion {
-    /// Whether velocities and accelerations are the derivatives of a motion: to 10⁻³ of their largest values, or 10⁻⁶, by central
-    /// differences at nine times of an interval.
+    /// Whether velocities and accelerations are the derivatives of a motion: to 10⁻³ of their largest values, or 10⁻⁶, or the
+    /// rounding of the motion, by central differences of the fourth order at nine times of an interval.
     pub fn check<E: From<ContactError>>(
         motion: impl Fn(f64) -> Result<Self, E>,
         (start, end): (f64, f64),
@@ -62,26 +64,30 @@ impl PlatformMotion {
         let mut seen = Vec::with_capacity(TIMES);
         for k in 0..TIMES {
             let t = time(k);
-            seen.push((t, motion(t - step)?, motion(t)?, motion(t + step)?));
+            let around = |step: f64| Ok::<_, E>([motion(t - step)?, motion(t + step)?]);
+            seen.push((t, motion(t)?, around(step)?, around(2.0 * step)?));
         }
         type Of = fn(&PlatformMotion) -> Vector3<f64>;
-        type Between<'a> = &'a dyn Fn(&PlatformMotion, &PlatformMotion) -> Vector3<f64>;
-        let rate = |of: Of| move |a: &Self, b: &Self| of(b) - of(a);
-        let turn = |a: &Self, b: &Self| (b.orientation * a.orientation.inverse()).scaled_axis();
+        type Size = fn(&PlatformMotion) -> f64;
+        type Between<'a> = &'a dyn Fn(&[PlatformMotion; 2]) -> Vector3<f64>;
+        let rate = |of: Of| move |[a, b]: &[Self; 2]| of(b) - of(a);
+        let turn = |[a, b]: &[Self; 2]| (b.orientation * a.orientation.inverse()).scaled_axis();
         let (of_place, of_velocity, of_spin) =
             (rate(|m| m.position), rate(|m| m.velocity), rate(|m| m.angular_velocity));
-        let rows: [(&'static str, Of, Between<'_>); 4] = [
-            ("velocity", |m| m.velocity, &of_place),
-            ("acceleration", |m| m.acceleration, &of_velocity),
-            ("angular_velocity", |m| m.angular_velocity, &turn),
-            ("angular_acceleration", |m| m.angular_acceleration, &of_spin),
+        let rows: [(&'static str, Of, Size, Between<'_>); 4] = [
+            ("velocity", |m| m.velocity, |m| m.position.norm(), &of_place),
+            ("acceleration", |m| m.acceleration, |m| m.velocity.norm(), &of_velocity),
+            ("angular_velocity", |m| m.angular_velocity, |_| 1.0, &turn),
+            ("angular_acceleration", |m| m.angular_acceleration, |m| m.angular_velocity.norm(), &of_spin),
         ];
-        for (argument, of, difference) in rows {
-            let largest = seen.iter().fold(0.0_f64, |largest, (_, _, at, _)| largest.max(of(at).norm()));
-            for (t, before, at, after) in &seen {
-                let (found, differences) = (of(at), difference(before, after) * (0.5 / step));
+        for (argument, of, size, difference) in rows {
+            let largest = seen.iter().fold(0.0_f64, |largest, (_, at, ..)| largest.max(of(at).norm()));
+            for (t, at, near, far) in &seen {
+                let (found, differences) =
+                    (of(at), (difference(near) * 8.0 - difference(far)) / (12.0 * step));
+                let rounding = ROUNDINGS * f64::EPSILON * (size(at) + t.abs() * largest) / step;
                 let off = (found - differences).norm();
-                if off.is_nan() || off > TOLERANCE * largest + 1e-6 {
+                if off.is_nan() || off > TOLERANCE * largest + 1e-6 + rounding {
                     let (found, differences) = (found.into(), differences.into());
                     return Err(ContactError::NoDerivative { argument, t: *t, found, differences }.into());
                 }
@@ -115,12 +121,12 @@ fn joined(linear: Vector3<f64>, angular: Vector3<f64>) -> [f64; 6] {
     [a, b, c, d, e, f]
 }
 
-/// A tree, and platforms beside it that move as functions of time, whatever force that takes.
+/// A tree, and platforms beside it that move as given functions of time.
 ///
 /// Each platform is a body of the model on a free joint. The tree's positions and velocities come first, then those of
-/// the platforms; contacts touch what [`LinkContact::on`](super::LinkContact::on) fixes in one. The platforms are integrated as all
-/// else is, so that they follow their motions to the accuracy of the method. They have the mass of the tree, which acts on nothing,
-/// and the tree hangs on a body without freedom, `STAND`.
+/// the platforms; [`LinkContact::on`](super::LinkContact::on) fixes a surface in one. The platforms are integrated with the tree, so
+/// that they follow their motions to the accuracy of the method. Each has the mass of the tree, which has no effect on the motion,
+/// and the root of the tree is a child of a fixed body, `STAND`.
 ///
 /// ```
 /// use nalgebra::{Matrix3, Vector3};
@@ -166,7 +172,7 @@ pub struct TreeOnPlatforms {
 }
 
 impl TreeOnPlatforms {
-    /// Name of the body without freedom that the tree and the platforms hang on.
+    /// Name of the fixed body that carries the tree and the platforms.
     pub const STAND: &'static str = "stand of platforms";
 
     /// A tree beside platforms of these names.
@@ -224,7 +230,7 @@ impl TreeOnPlatforms {
         Split::new((0..self.model.n_velocities()).map(|i| i >= self.of_tree[1]).collect())
     }
 
-    /// Writes the accelerations of the platforms among those of all; the others stay as they are.
+    /// Writes the accelerations of the platforms among those of all; the others are unchanged.
     pub fn write_accelerations(&self, motion: impl Fn(usize) -> PlatformMotion, out: &mut [f64]) {
         let of_platforms = out.get_mut(self.of_tree[1]..).unwrap_or_default();
         for (k, out) in of_platforms.chunks_exact_mut(6).enumerate() {

@@ -31,8 +31,8 @@ impl Ledger {
 
 /// The momentum of a tree in contact, world frame, and what changes it.
 ///
-/// Of a tree whose joints to the world are free the rate of `linear` is `weight + force`, that of `angular` is `moment`, where no other
-/// forces act on links. Other joints to the world add what they hold.
+/// If the joints to the world are free and no other forces act on links, the rate of `linear` is `weight + force` and that of `angular` is
+/// `moment`. Other joints to the world add their reactions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MomentumLedger {
     /// Momentum, kg m/s.
@@ -64,9 +64,9 @@ impl<F: TreeForces, D: JointDrive> TreeInContact<'_, F, D> {
         }
     }
 
-    /// The joint forces that accelerate the tree by `a` in a state, by inverse dynamics: M(q) a + C(q, v) v + g(q) − Σ Jᵢᵀ Fᵢ. Contacts
-    /// push as their laws say in the state; where `measured` has a force for each, N, world frame, they push so instead, at the points
-    /// of contact. Wrenches of the forces on links at time t act besides.
+    /// The joint forces that accelerate the tree by `a` in a state, by inverse dynamics: M(q) a + C(q, v) v + g(q) − Σ Jᵢᵀ Fᵢ. The forces
+    /// of the contacts are those of their laws in the state, or `measured`: one for each contact, N, world frame, at the points of
+    /// contact. Wrenches of the forces on links at time t act besides.
     pub fn inverse_dynamics(
         &self,
         t: f64,
@@ -78,7 +78,10 @@ impl<F: TreeForces, D: JointDrive> TreeInContact<'_, F, D> {
         if let Some(forces) = measured
             && (forces.len() != contacts || !forces.iter().flatten().all(|number| number.is_finite()))
         {
-            let found = format!("{forces:?}");
+            let found = match forces.iter().find(|force| !force.iter().all(|number| number.is_finite())) {
+                Some(force) => format!("{:?}", <[f64; 3]>::from(*force)),
+                None => format!("{} forces", forces.len()),
+            };
             return Err(ContactError::MeasuredForces { found, contacts });
         }
         let (q, stretches) = (&x.configuration.0, &x.rate.variables);

@@ -1,20 +1,28 @@
 //! Gradients by the adjoint: those of the columns, to rounding.
 
 use crate::Torques;
+use crate::drops::tree;
 use crate::gradients::touching_links;
 use crate::parameters::{driven_leg, following_arm, knots};
 use nalgebra::{Matrix3, Vector3};
+use somersault_contact::contacts::Contact;
+use somersault_contact::laws::ContactLaw;
+use somersault_contact::laws::compliant::CompliantLaw;
+use somersault_contact::laws::coulomb::CoulombFriction;
 use somersault_contact::models::HoppingLeg;
 use somersault_contact::sensitivity::{
     Differentiation, EndCost, Parameter, SensitivityError, SensitivityRun, TreeGradient, TreeSensitivities,
 };
-use somersault_contact::tree::TreeInContact;
+use somersault_contact::surface::{HalfSpace, Surface};
+use somersault_contact::tree::{LinkContact, TreeInContact};
 use somersault_core::random::SplitMix64;
 use somersault_integrators::driver::{Adaptive, Flow, Steps, TimeGrid};
 use somersault_integrators::events::Event;
 use somersault_integrators::methods::Method;
 use somersault_multibody::TreeParameter;
 use somersault_multibody::motion::{JointDrive, TreeForces, TreeState, TreeSystem};
+use somersault_testkit::trees::Random;
+use std::sync::Arc;
 
 /// Weights of a cost of the end of a run, and of the times of its events.
 struct Weights {
@@ -156,6 +164,49 @@ fn the_adjoint_of_links_that_touch_is_their_columns() {
     let sprung = TreeInContact::try_new(TreeSystem::new(&model, spring), on_surfaces.to_vec(), vec![pair]);
     let (worst, _) = against_columns(&sprung.unwrap(), &start, &by, (Method::Rkmk5, steps));
     assert!(worst < 1e-8, "{worst:e}");
+}
+
+/// Trees that fall onto a slope from 5 mm above it, by numbers of any of their links, joints and contacts.
+#[test]
+fn the_adjoint_of_random_trees_is_their_columns() {
+    let mut random = Random::new(4);
+    let mut all = 0;
+    for case in 0..6 {
+        let model = tree(&mut random, 2 + case % 3);
+        let n = model.n_bodies();
+        let slope = HalfSpace::try_new(Vector3::zeros(), Vector3::z() + random.vector(0.2)).unwrap();
+        let slope: Arc<dyn Surface> = Arc::new(slope);
+        let law = ContactLaw::from(CompliantLaw::try_new(3e3, 10.0).unwrap())
+            .with_friction(CoulombFriction::try_new(random.within(0.1, 0.8), 2e3, 20.0).unwrap());
+        let mut contact = |i: usize| {
+            let ball = Contact::try_ball(random.vector(0.25), 0.05, slope.clone(), law.clone()).unwrap();
+            LinkContact::new(format!("c{i}"), format!("b{}", i % n), ball)
+        };
+        let contacts: Vec<_> = (0..n + 1).map(&mut contact).collect();
+        let system = TreeInContact::try_new(TreeSystem::new(&model, ()), contacts, vec![]).unwrap();
+        let mut q = model.neutral();
+        model.displace(&model.neutral(), &random.numbers(model.n_velocities(), 1.0), &mut q).unwrap();
+        let v = random.numbers(model.n_velocities(), 2.0);
+        let gaps = system.touches(&system.unstretched(model.state(&q, &v).unwrap()));
+        q[2] += 5e-3 - gaps.iter().fold(f64::INFINITY, |least, touch| least.min(touch.gap));
+        let start = model.state(&q, &v).unwrap();
+        let mut body = || random.below(n);
+        let [mass, center, inertia, placement] = [body(), body(), body(), body()];
+        let by = Differentiation::by([
+            Parameter::normal(random.below(n), "stiffness"),
+            Parameter::friction(random.below(n), "coefficient"),
+            Parameter::JointForce(random.below(model.n_velocities())),
+            Parameter::Tree(TreeParameter::Mass(mass)),
+            Parameter::Tree(TreeParameter::Center(center, random.vector(1.0))),
+            Parameter::Tree(TreeParameter::Inertia(inertia, Matrix3::from_diagonal(&random.vector(1.0)))),
+            Parameter::Tree(TreeParameter::Placement(placement, random.vector(1.0))),
+        ]);
+        let steps = TimeGrid::try_new(0.0, 0.12, 1e-3).unwrap().into();
+        let (worst, events) = against_columns(&system, &start, &by, (Method::Rkmk5, steps));
+        assert!(worst < 1e-10, "{case}: {worst:e}");
+        all += events;
+    }
+    assert!(all > 12, "{all}");
 }
 
 #[test]

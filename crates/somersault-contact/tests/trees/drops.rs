@@ -58,7 +58,7 @@ fn ground(random: &mut Random) -> Arc<dyn Surface> {
 }
 
 /// A free chain or tree of so many links with all kinds of joints but planar and free ones within.
-fn tree(random: &mut Random, n: usize) -> Model {
+pub(crate) fn tree(random: &mut Random, n: usize) -> Model {
     let mut builder = Model::builder();
     for i in 0..n {
         let mut body = random.body();

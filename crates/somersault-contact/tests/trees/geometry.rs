@@ -176,9 +176,9 @@ fn a_mesh_touches_with_the_vertices_of_its_hull() {
     assert_eq!(vertices("meshes/dent.obj").len(), 5);
     assert_eq!(vertices("meshes/text.stl"), [[0.0; 3], [0.0, 0.0, 2.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]);
     for (file, reason) in [
-        ("flat.obj", "its places have no convex hull with a volume"),
+        ("flat.obj", "its vertices have no convex hull with a volume"),
         ("word.obj", "line 1 must have three numbers, found \"\""),
-        ("nan.obj", "its places must be finite, found [0.0, NaN, 0.0]"),
+        ("nan.obj", "its vertices must be finite, found [0.0, NaN, 0.0]"),
         ("short.stl", "it is no text and its 300 bytes are not those of its triangles"),
         ("box.dae", "it must end in .stl or .obj"),
         ("none.obj", "is not in"),

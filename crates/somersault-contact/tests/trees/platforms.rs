@@ -124,16 +124,18 @@ fn a_table_that_comes_up_is_met_on_time() {
 #[test]
 fn a_table_keeps_the_pose_of_its_motion() {
     let motion = |t: f64, _: usize| {
-        let (axis, rate) = (Vector3::new(0.36, 0.48, 0.8), 3.0);
-        let angle = rate * t + 0.4 * (5.0 * t).sin();
+        // A turn about z, and a swing about the x-axis that turns with it.
+        let (rate, about_z) = (3.0, UnitQuaternion::new(Vector3::z() * (3.0 * t)));
+        let (swing, swing_rate) = (0.4 * (5.0 * t).sin(), 2.0 * (5.0 * t).cos());
+        let axis = about_z * Vector3::x();
         let circle = |f: fn(f64) -> f64, g: fn(f64) -> f64| Vector3::new(g(2.0 * t), f(2.0 * t), 0.0);
         PlatformMotion {
             position: circle(f64::sin, f64::cos),
             velocity: Vector3::new(-(2.0 * t).sin(), (2.0 * t).cos(), 0.0) * 2.0,
             acceleration: circle(f64::sin, f64::cos) * -4.0,
-            orientation: UnitQuaternion::new(axis * angle),
-            angular_velocity: axis * (rate + 2.0 * (5.0 * t).cos()),
-            angular_acceleration: axis * (-10.0 * (5.0 * t).sin()),
+            orientation: about_z * UnitQuaternion::new(Vector3::x() * swing),
+            angular_velocity: Vector3::z() * rate + axis * swing_rate,
+            angular_acceleration: Vector3::z().cross(&axis) * (rate * swing_rate) - axis * (25.0 * swing),
         }
     };
     PlatformMotion::check(|t| Ok::<_, ContactError>(motion(t, 0)), (0.0, 1.0)).unwrap();
@@ -170,7 +172,19 @@ fn wrong_platforms_are_refused_by_name() {
     assert!(check(spinning, (0.0, 1.0)).starts_with("`angular_velocity` must be"));
     let nowhere = |_: f64| PlatformMotion { position: Vector3::x() * f64::NAN, ..PlatformMotion::default() };
     assert!(check(nowhere, (0.0, 1.0)).starts_with("`velocity` must be"));
-    assert!(check(|_| PlatformMotion::default(), (1.0, 1.0)).starts_with("`interval` must be"));
+    assert!(check(|_| PlatformMotion::default(), (1.0, 1.0)).starts_with("`interval` must run forward"));
+    // Vibrations far faster than the interval and small beside the distance from the origin are no mistakes.
+    for (distance, amplitude, omega, interval) in
+        [(0.0, 1.0, 1e4, (0.0, 1.0)), (1e6, 1e-3, 1.0, (0.0, 1.0)), (0.0, 1.0, 1.0, (1e4, 1e4 + 1e-6))]
+    {
+        let shaking = |t: f64| PlatformMotion {
+            position: Vector3::x() * (distance + amplitude * (omega * t).sin()),
+            velocity: Vector3::x() * (amplitude * omega * (omega * t).cos()),
+            acceleration: Vector3::x() * (-amplitude * omega * omega * (omega * t).sin()),
+            ..PlatformMotion::default()
+        };
+        PlatformMotion::check(|t| Ok::<_, ContactError>(shaking(t)), interval).unwrap();
+    }
     let model = mass(Joint::Free);
     let scene = TreeOnPlatforms::try_new(&model, &["table"]).unwrap();
     let short = scene.start(&[0.0], &[0.0; 6], |_| PlatformMotion::default()).unwrap_err();

@@ -79,10 +79,10 @@ pub trait Hybrid: System {
         out.by_differences(x, |x, acceleration| self.acceleration_in(mode, w, t, x, acceleration));
     }
 
-    /// The first time after `t` at which the equations are not smooth, say where a force that is given at knots of time has one; none, as
-    /// by default, where they are smooth at all times.
+    /// The first time after `t` at which the equations are not smooth, such as a knot of a force that is given at knots of time; `None`
+    /// where they are smooth at all later times, which is the default.
     ///
-    /// Steps end there, and the equations are evaluated in each at times before that alone, so that forces may jump.
+    /// A step ends there, and its stages are evaluated at earlier times only, so that forces may jump.
     fn next_stop(&self, _t: f64) -> Option<f64> {
         None
     }

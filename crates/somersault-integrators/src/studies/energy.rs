@@ -37,7 +37,7 @@ use crate::engine::{Engine, FormEngine, Track};
 use crate::methods::{Method, Options, StartUp};
 use crate::state::{Pose, RigidBodyState};
 use crate::stepper::{StepError, Stepper};
-use crate::system::{RigidBodySystem, Unchanged};
+use crate::system::RigidBodySystem;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use somersault_core::argument::expect_positive;
@@ -191,8 +191,7 @@ pub fn energy_of<M: Stepper<RigidBodySystem> + Sync>(
     study(setup, bodies, progress, &|body| {
         let system = RigidBodySystem::free(*body);
         let initial = RigidBodyState::spinning(setup.angular_velocity);
-        let encode = |x: &RigidBodyState, out: &mut RigidBodyState| out.assign(x);
-        let mut engine = FormEngine::start(&system, stepper, Unchanged, &encode, initial)?;
+        let mut engine = FormEngine::unchanged(&system, stepper, initial)?;
         Ok(run(&mut engine, &initial, body, setup)?)
     })
 }

@@ -32,8 +32,8 @@ pub enum TreeParameter {
     Center(usize, Vector3<f64>),
     /// A factor on a symmetric tensor, kg m², that is added to the inertia of a body about its centre of mass, body axes.
     Inertia(usize, Matrix3<f64>),
-    /// Where the joint of a body is in its parent, or in the world for the root, along a direction in the axes of that, m. The body and
-    /// all that it carries move along: its centre of mass, its points of contact, and the bodies further out.
+    /// The position of the joint of a body in its parent, or in the world for the root, along a direction in the axes of that, m. The body
+    /// is displaced with its centre of mass, its points of contact, and the bodies that it carries.
     Placement(usize, Vector3<f64>),
 }
 
@@ -58,7 +58,12 @@ impl TreeParameter {
             Self::Inertia(_, tensor) => {
                 expect_finite("inertia", tensor)?;
                 let difference = (tensor - tensor.transpose()).amax();
-                expect_range("inertia", difference, "without difference across its diagonal", |x| x == 0.0)?;
+                expect_range(
+                    "inertia",
+                    difference,
+                    "symmetric, with a difference across the diagonal of zero",
+                    |x| x == 0.0,
+                )?;
             }
         }
         Ok(())

@@ -1,4 +1,4 @@
-//! The transposes of first variations: what a covector on links or accelerations is as one on the joints.
+//! The transposes of first variations: they pull covectors on links or accelerations back to the joints.
 //!
 //! With f̄ᵢ and ḡᵢ the covectors on ηᵢ and δVᵢ of [`links`](super::links), from the leaves to the root
 //! ```text
@@ -17,8 +17,8 @@ use somersault_integrators::variation::Tangent;
 pub(crate) type Pulled = [Force<f64>; 2];
 
 impl Model {
-    /// Adds to `way` and `rate` what covectors on the tangents of the frames of the links are on the motion of the joints and
-    /// on the change of their velocities, in the state of the last partials of dynamics in the workspace.
+    /// Adds to `way` and `rate` the covectors on the tangents of the frames of the links, pulled back to the motion of the joints and
+    /// the change of their velocities, in the state of the last partials of dynamics in the workspace.
     pub(crate) fn pull_links(
         &self,
         work: &mut DerivativeData,
@@ -73,9 +73,9 @@ impl Model {
         }
     }
 
-    /// The transpose of [`acceleration_change`](Self::acceleration_change): adds to `along` what a covector on the
-    /// accelerations is on the motion of the joints and on the change of their velocities, and sets the ones on joint forces and
-    /// on the accelerations that are given.
+    /// The transpose of [`acceleration_change`](Self::acceleration_change): pulls a covector on the accelerations back to the
+    /// motion of the joints and the change of their velocities, to which it adds, and to joint forces and given accelerations,
+    /// which it sets.
     pub(crate) fn pull_acceleration_change(
         work: &DerivativeData,
         split: Option<&Split>,

@@ -20,13 +20,13 @@ pub trait TreeForces {
         None
     }
 
-    /// Whether the forces depend on positions or velocities, as by default; of those that depend on time alone derivatives are not
-    /// taken.
+    /// Whether the forces depend on positions or velocities, which is the default; forces that depend on time alone are not
+    /// differentiated by the state.
     fn depends_on_state(&self) -> bool {
         true
     }
 
-    /// The first time after `t` at which the forces are not smooth in time; none, as by default, where they always are. Runs that
+    /// The first time after `t` at which the forces are not smooth in time; `None`, the default, where there is no such time. Runs that
     /// locate events end a step there.
     fn next_stop(&self, _t: f64) -> Option<f64> {
         None
@@ -121,14 +121,13 @@ pub trait JointDrive {
         true
     }
 
-    /// Which degrees of freedom follow accelerations that [`accelerations`](Self::accelerations) writes, where the motion is that of
-    /// [`hybrid_dynamics`](Model::hybrid_dynamics) with them, as derivatives take it; `None`, as by default, where none does or the
-    /// drive is another one.
+    /// Which degrees of freedom follow the accelerations that [`accelerations`](Self::accelerations) writes; derivatives of the motion are
+    /// then those of [`hybrid_dynamics`](Model::hybrid_dynamics). `None`, the default, for a drive of another kind or without effect.
     fn split(&self) -> Option<&Split> {
         None
     }
 
-    /// Writes the accelerations of those for (t, q, v); what it writes to the others is not read.
+    /// Writes the accelerations of those degrees of freedom for (t, q, v); the other entries are ignored.
     fn accelerations(&self, _t: f64, _q: &[f64], _v: &[f64], _out: &mut [f64]) {}
 }
 

@@ -36,8 +36,8 @@ impl<F: TreeForces, D: JointDrive> TreeSystem<'_, F, D> {
         self.keep(found.map(|_| ())).is_some()
     }
 
-    /// Why the accelerations have no derivative with respect to a parameter of the tree, if they have none: a body that there is not, numbers
-    /// that are not finite, and the placement of a joint under wrenches of the forces, which are functions of the poses of bodies.
+    /// Fails where the accelerations have no derivative with respect to a parameter of the tree: no such body, numbers that are not finite,
+    /// or the placement of a joint while the forces exert wrenches, which are functions of the poses of bodies.
     pub fn check_parameter(&self, parameter: &TreeParameter) -> Result<(), DynamicsError> {
         parameter.check(self.model())?;
         match parameter {
@@ -51,8 +51,8 @@ impl<F: TreeForces, D: JointDrive> TreeSystem<'_, F, D> {
         }
     }
 
-    /// Goes along a parameter of the tree besides, after [`vary`](Self::vary): moves the links, and changes forces as if it were they that
-    /// change the accelerations. Of a body that there is not nothing changes.
+    /// Adds the change along a parameter of the tree, after [`vary`](Self::vary): moves the links, and adds the forces that change the
+    /// accelerations as the parameter does. A body that the model does not have changes nothing.
     pub fn vary_parameter(&self, d: &mut TreeVariation, parameter: &TreeParameter) {
         let model = self.model();
         let TreeVariation { work, torque, wrenches, links, .. } = d;

@@ -1,4 +1,4 @@
-//! Joint forces given at knots of time, as controls are.
+//! Joint forces given at knots of time, as a discretised control is.
 
 use super::TreeForces;
 use crate::error::DynamicsError;
@@ -6,7 +6,7 @@ use nalgebra::DMatrix;
 use somersault_core::argument::{expect_finite, expect_least, expect_length, expect_range};
 use std::sync::Arc;
 
-/// What a profile is between its knots.
+/// The interpolation between knots.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Between {
     /// The line through the values at both.
@@ -15,7 +15,7 @@ pub enum Between {
     Hold,
 }
 
-/// Knots of time, and what is between them; before the first and after the last the value is that there.
+/// Knots of time, and the interpolation between them; before the first and after the last knot the value is constant.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Knots {
     times: Arc<[f64]>,
@@ -38,13 +38,13 @@ impl Knots {
         &self.times
     }
 
-    /// What is between them.
+    /// The interpolation between them.
     pub fn between(&self) -> Between {
         self.between
     }
 
-    /// The knot at or before a time, of those that have one after them, and how far the time is from it to the next, as a part of the
-    /// interval.
+    /// The interval that a time lies in, by its first knot, and where in it, as a fraction of its length; the first or the last interval for
+    /// times outside.
     fn place(&self, t: f64) -> (usize, f64) {
         let last = self.times.len().saturating_sub(1);
         let knot =
@@ -76,8 +76,8 @@ impl Knots {
     }
 }
 
-/// Joint forces of a tree given at knots of time, N or N m: forces that depend on time alone, and are not smooth at the knots. Runs that
-/// locate events end a step at each of them, so that methods keep their order; so does any whose grid has them.
+/// Joint forces of a tree given at knots of time, N or N m: they depend on time alone and are not smooth at the knots. Runs that
+/// locate events end a step at each knot, so that methods keep their order; in other runs the knots must be points of the grid.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TorqueProfile {
     knots: Knots,
@@ -103,19 +103,19 @@ impl TorqueProfile {
         &self.values
     }
 
-    /// The force of a degree of freedom at a time; zero beyond them.
-    pub fn force(&self, dof: usize, t: f64) -> f64 {
+    /// The forces at a time, one for each degree of freedom.
+    pub fn forces(&self, t: f64) -> impl Iterator<Item = f64> {
         let (knot, part) = self.knots.place(t);
-        let ends = [(knot, 1.0 - part), (knot + 1, part)];
-        ends.map(|(at, weight)| weight * self.values.get((dof, at)).copied().unwrap_or(0.0)).iter().sum()
+        let next = (knot + 1).min(self.values.ncols().saturating_sub(1));
+        let n = self.values.nrows();
+        let [before, after] = [knot, next].map(|k| &self.values.as_slice()[k * n..][..n]);
+        before.iter().zip(after).map(move |(before, after)| (1.0 - part) * before + part * after)
     }
 }
 
 impl TreeForces for TorqueProfile {
     fn add_torque(&self, t: f64, _: &[f64], _: &[f64], torque: &mut [f64]) {
-        for (dof, sum) in torque.iter_mut().enumerate() {
-            *sum += self.force(dof, t);
-        }
+        torque.iter_mut().zip(self.forces(t)).for_each(|(sum, force)| *sum += force);
     }
 
     fn depends_on_state(&self) -> bool {

@@ -145,8 +145,8 @@ impl Model {
         self.turn_linear_parts(q, out.as_mut_slice(), |turn, part, _| turn * part);
     }
 
-    /// The transpose of [`joint_tangent_into`](Self::joint_tangent_into): adds to `displacement` and `rate` what covectors on the motion of
-    /// the joints and on the change of their velocities are on a tangent to the state; lengths must fit.
+    /// The transpose of [`joint_tangent_into`](Self::joint_tangent_into): adds to `displacement` and `rate` the covectors on the motion of
+    /// the joints and on the change of their velocities, pulled back to a tangent to the state; lengths must fit.
     pub(crate) fn pull_joint_tangent(
         &self,
         (q, v): (&[f64], &[f64]),
@@ -169,8 +169,8 @@ impl Model {
         }
     }
 
-    /// The transpose of [`second_rates_change`](Self::second_rates_change): what a covector on the rates of the rates is on a motion of the
-    /// joints and on the changes of v and a; lengths must fit.
+    /// The transpose of [`second_rates_change`](Self::second_rates_change): pulls a covector on the rates of the rates back to a motion of
+    /// the joints and the changes of v and a; lengths must fit.
     pub(crate) fn pull_second_rates_change(
         &self,
         q: &[f64],

@@ -1,4 +1,4 @@
-//! The transpose of the first variations of a tree: what a covector on its accelerations is as one on its state.
+//! The transpose of the first variations of a tree: it pulls a covector on the accelerations back to one on the state.
 
 use super::{Coordinates, JointDrive, Rates, TreeForces, TreeSystem, TreeVariation};
 use crate::derivatives::{Pulled, TreeParameter};
@@ -9,10 +9,9 @@ use somersault_integrators::variation::Tangent;
 
 /// Room for covectors on the accelerations of a tree, in a state in which a [`TreeVariation`] has linearised them.
 ///
-/// It is used in the order [`begin`](Self::begin), then for what acts besides [`motions`](Self::motions) and
-/// [`add_link`](Self::add_link), then [`along`](Self::along) for each parameter, and [`finish`](Self::finish), which leaves the
-/// covector on the state. The cost of all but forces that depend on the state is that of one column of a
-/// [`TreeVariation`]; those take two differences for each degree of freedom, of positions and of velocities.
+/// The order of calls is [`begin`](Self::begin); [`motions`](Self::motions) and [`add_link`](Self::add_link) for wrenches that act
+/// besides; [`along`](Self::along) for each parameter; and [`finish`](Self::finish), which adds the covector on the state. The cost is that
+/// of one column of a [`TreeVariation`], and for forces that depend on the state two differences for each degree of freedom besides.
 #[derive(Debug, Clone)]
 pub struct TreeAdjoint {
     way: Vec<f64>,
@@ -94,7 +93,7 @@ impl TreeAdjoint {
         d.rest();
         d.links.fill(Tangent::default());
         system.vary_parameter(d, parameter);
-        let by_torque: f64 = d.torque.iter().zip(&self.torque).map(|(change, weight)| change * weight).sum();
+        let by_torque = dot(&d.torque, &self.torque);
         let by_links: f64 = self.links.iter().zip(&d.links).map(|(weight, link)| product(weight, link)).sum();
         let weights = self.motions.iter().zip(&d.wrenches);
         let by_wrench = weights.map(|(motion, wrench)| motion.dot(wrench)).nth(parameter.body());
@@ -118,7 +117,7 @@ impl TreeAdjoint {
         self.links.fill(Tangent::default());
     }
 
-    /// Adds to a covector on the displacement and on the change of the rate what that on accelerations and on links comes to.
+    /// Adds the covectors on accelerations and on links, pulled back to the displacement and the change of the rate.
     pub fn finish<F: TreeForces, D: JointDrive>(
         &mut self,
         system: &TreeSystem<'_, F, D>,
@@ -133,8 +132,8 @@ impl TreeAdjoint {
         self.pull(model, (q, &d.v), (displacement, rate));
     }
 
-    /// Adds to a covector on the displacement and on the change of the rate what covectors on the motion of the joints and on the change of
-    /// their velocities `v` come to.
+    /// Adds covectors on the motion of the joints and on the change of their velocities `v`, pulled back to the displacement and the change
+    /// of the rate.
     pub fn add_joints(
         &mut self,
         model: &Model,
@@ -180,9 +179,6 @@ impl TreeAdjoint {
                 wrenches.fill(Force::zero());
                 let into = (&mut of_torque[..], &mut of_given[..], &mut wrenches[..]);
                 system.difference(&mut d.ends, t, (q, &d.v), (displacement, along, change), into);
-                let dot = |changes: &[f64], weights: &[f64]| -> f64 {
-                    changes.iter().zip(weights).map(|(change, weight)| change * weight).sum()
-                };
                 *out += dot(of_torque, torque) + dot(of_given, given);
                 if system.forces().wrenches().is_some() {
                     *out += motions
@@ -197,7 +193,11 @@ impl TreeAdjoint {
     }
 }
 
-/// A covector and a tangent.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// The product of a covector and a tangent.
 fn product(covector: &Tangent<Twist>, tangent: &Tangent<Twist>) -> f64 {
     let parts = |of: &Tangent<Twist>| {
         let Tangent { displacement, rate } = *of;

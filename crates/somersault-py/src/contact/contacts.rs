@@ -230,9 +230,9 @@ impl Contact {
 
     /// A capsule fixed on a body, against a sphere or a cylinder that is seen from outside; without a radius an edge.
     ///
-    /// It touches at the point of its segment next to the centre or the axis of the surface. Where that point comes to an end
+    /// It touches at the point of its segment nearest to the centre or the axis of the surface. Where that point reaches an end
     /// of the segment, the second derivative of the gap jumps; where the segment is parallel to the axis, the point is not
-    /// determined. Against planes and from inside, the balls at its ends are all that touches.
+    /// unique. Against planes and from inside, only the balls at its ends touch.
     ///
     /// Parameters
     /// ----------
@@ -275,8 +275,8 @@ impl Contact {
 
     /// A box fixed on a body, against a sphere that is seen from outside.
     ///
-    /// It touches at its point next to the centre of the sphere, on a face, an edge or a corner; where that changes, the second
-    /// derivative of the gap jumps. Against planes and from inside, its corners are all that touches.
+    /// It touches at its point nearest to the centre of the sphere, on a face, an edge or a corner; where that changes, the second
+    /// derivative of the gap jumps. Against planes and from inside, only its corners touch.
     ///
     /// Parameters
     /// ----------

@@ -18,9 +18,9 @@ use std::path::PathBuf;
 /// balls at its ends, ``name end 1`` (at −z) and ``name end 2``; a cylinder with its rims, ``name rim 1`` and ``name rim 2``, against a
 /// `HalfSpace`; a sphere with a ball, ``name``. Against a `SphericalSurface` from outside a box or a capsule touches with its
 /// nearest point, ``name``, and so does a capsule against a `CylindricalSurface`; a box touches that with its edges, ``name edge 1`` to
-/// ``name edge 12``, those along x first. Each has the laws for itself: a box on a face has four springs. These are all that touches planes,
-/// spheres and cylinders; against a surface by a function edges, faces and middles do not touch. A cylinder that stands flat, and a
-/// capsule along a cylinder, are held by points that are not determined: a flat foot is a box.
+/// ``name edge 12``, those along x first. Each has its own laws: a box on a face has four springs. Against planes, spheres and cylinders
+/// nothing else can touch; against a user-defined surface edges, faces and middles do not touch. The point of contact of a cylinder that
+/// stands flat, and of a capsule along a cylinder, is not unique: use a box for a flat foot.
 ///
 /// Parameters
 /// ----------
@@ -88,7 +88,7 @@ pub(crate) fn shape_contacts(
 ///
 /// Boxes, capsules, cylinders and spheres touch as in `shape_contacts`. The contacts of a link with one shape are called by its name,
 /// as in ``foot corner 3``; those of one with more ``link shape 1``, ``link shape 2`` and so on. Of a mesh the vertices of its convex hull
-/// touch, as points, ``name vertex 1`` and so on, if `meshes` says where its file is: STL or OBJ, of up to 50 000 different places and 512
+/// touch, as points, ``name vertex 1`` and so on, if `meshes` says where its file is: STL or OBJ, of up to 50 000 different vertices and 512
 /// vertices of the hull; a mesh that is not convex touches as its hull does. Other meshes and ellipsoids are left out, and so are
 /// rims against anything but a plane.
 ///

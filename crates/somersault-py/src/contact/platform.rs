@@ -1,8 +1,9 @@
 //! Platforms: bodies beside a tree that move as functions of time.
 
-use crate::core::convert::{a_type, array, finite, finite_all, interval_of, orientation, vector, with_shape};
+use crate::core::callable::check_callable;
+use crate::core::convert::{a_type, finite, finite_all, interval_of, orientation, row, vector, with_shape};
 use crate::core::error::Error;
-use crate::core::value::{brief, counted, few, value};
+use crate::core::value::{brief, counted, value};
 use crate::multibody::model::Model;
 use numpy::PyArrayDyn;
 use pyo3::prelude::*;
@@ -11,7 +12,7 @@ use somersault::integrators::nalgebra::{UnitQuaternion, Vector3};
 
 /// A body that moves as a function of time, and carries surfaces: a table that shakes, a lift, a conveyor, a tilting board.
 ///
-/// Velocities and accelerations are compared with differences of the motion at nine times of an interval, to 10⁻³ of their largest
+/// Velocities and accelerations are compared with difference quotients of the motion at nine times of an interval, to 10⁻³ of their largest
 /// values.
 ///
 /// Parameters
@@ -23,7 +24,7 @@ use somersault::integrators::nalgebra::{UnitQuaternion, Vector3};
 ///     orientation as a Rotation or quaternion (x, y, z, w) from its axes to those of the world, and the angular velocity, rad/s, and
 ///     acceleration, rad/s², world frame.
 /// interval : tuple of float, optional
-///     Times between which the motion is looked at, s; (0, 1) unless given.
+///     Times between which the motion is checked, s; (0, 1) unless given.
 ///
 /// Raises
 /// ------
@@ -51,7 +52,7 @@ value! {
         name: &str = |own| &own.name;
         /// callable: Its motion.
         motion: Py<PyAny> = |own, py| own.motion.clone_ref(py);
-        /// tuple of float: Times between which the motion was looked at, s.
+        /// tuple of float: Times between which the motion was checked, s.
         interval: (f64, f64) = |own| own.interval.into();
     }
 }
@@ -59,7 +60,7 @@ value! {
 /// An array of numbers.
 type Numbers<'py> = Bound<'py, PyArrayDyn<f64>>;
 
-/// What a motion returned at a time.
+/// A motion at a time.
 fn motion_at(motion: &Bound<'_, PyAny>, t: f64) -> Result<PlatformMotion, Error> {
     let found = motion.call1((t,))?;
     let wrong = |found: String| {
@@ -68,13 +69,14 @@ fn motion_at(motion: &Bound<'_, PyAny>, t: f64) -> Result<PlatformMotion, Error>
              acceleration, found {found}"
         ))
     };
-    let entries: Vec<Bound<'_, PyAny>> =
-        found.try_iter().map_err(|_| wrong(a_type(&found)))?.collect::<PyResult<_>>()?;
+    let entries = found.try_iter().map_err(|_| wrong(a_type(&found)))?.take(7);
+    let entries: Vec<Bound<'_, PyAny>> = entries.collect::<PyResult<_>>()?;
     let of = |k: usize| vector("motion", &entries[k]);
     let none = Vector3::zeros();
     let (turn, spin, turning) = match entries.len() {
         3 => (UnitQuaternion::identity(), none, none),
         6 => (orientation("motion", &entries[3])?, of(4)?, of(5)?),
+        7.. => return Err(wrong("more than 6 values".to_owned())),
         n => return Err(wrong(counted(n, "value", "values"))),
     };
     Ok(PlatformMotion {
@@ -96,9 +98,7 @@ impl Platform {
         motion: &Bound<'_, PyAny>,
         interval: Option<&Bound<'_, PyAny>>,
     ) -> Result<Self, Error> {
-        if !motion.is_callable() {
-            return Err(Error::input(format!("`motion` must be a callable f(t), found {}", a_type(motion))));
-        }
+        check_callable("motion", "f(t)", motion)?;
         let interval = interval.map_or(Ok([0.0, 1.0]), interval_of)?;
         PlatformMotion::check(|t| motion_at(motion, t), interval.into())?;
         Ok(Self { name, motion: motion.clone().unbind(), interval })
@@ -106,17 +106,17 @@ impl Platform {
 
     fn __repr__(&self) -> String {
         let [start, end] = self.interval;
-        format!("<Platform: {:?}, looked at from {start} s to {end} s>", brief(&self.name, 30))
+        format!("<Platform: {:?}, checked from {start} s to {end} s>", brief(&self.name, 30))
     }
 }
 
 /// A tree and platforms beside it: arguments of `multibody.integrate_tree`.
 ///
 /// Each platform is a body of `model` on a free joint, whose surfaces a `LinkContact` names by ``on``. The positions and velocities
-/// of the tree come first, then those of the platforms. These are integrated with all else, from accelerations that are given,
-/// so that they follow their motions to the accuracy of the method, and everything that holds of surfaces carried by bodies
-/// holds of theirs: events are located, and `differentiate_tree` takes ``active`` and ``acceleration`` as well. Each has the mass of the
-/// tree, which nothing moves and `Model.mass` counts.
+/// of the tree come first, then those of the platforms. The platforms are integrated with the tree, from their accelerations,
+/// so that they follow their motions to the accuracy of the method. Their surfaces are surfaces carried by bodies:
+/// events are located, and `differentiate_tree` accepts ``active`` and ``acceleration`` as well. Each platform has the mass of the
+/// tree, which has no effect on the motion; `Model.mass` includes it.
 ///
 /// Parameters
 /// ----------
@@ -164,7 +164,7 @@ value! {
 }
 
 impl TreeOnPlatforms {
-    /// How the platforms move at a time.
+    /// The motions of the platforms at a time.
     fn motions(&self, py: Python<'_>, t: f64) -> Result<Vec<PlatformMotion>, Error> {
         self.platforms.iter().map(|one| motion_at(one.get().motion.bind(py), t)).collect()
     }
@@ -215,12 +215,10 @@ impl TreeOnPlatforms {
         let v = finite_all("v", with_shape("v", &[tree.n_velocities()], v)?)?;
         let motions = self.motions(py, finite("t", t)?)?;
         let (q, v) = self.scene.start(&q, &v, |k| motions[k])?;
-        let shapes = [[q.len()], [v.len()]];
-        Ok((array(py, q, &shapes[0])?, array(py, v, &shapes[1])?))
+        Ok((row(py, q)?, row(py, v)?))
     }
 
-    /// Accelerations of the platforms among those of all, which are zero; `multibody.integrate_tree` takes this method as its
-    /// `acceleration`.
+    /// Accelerations of the platforms, and zeros for the tree; `multibody.integrate_tree` accepts this method as its `acceleration`.
     ///
     /// Parameters
     /// ----------
@@ -253,13 +251,12 @@ impl TreeOnPlatforms {
         let motions = self.motions(py, finite("t", t)?)?;
         let mut out = vec![0.0; self.scene.model().n_velocities()];
         self.scene.write_accelerations(|k| motions[k], &mut out);
-        let shape = [out.len()];
-        Ok(array(py, out, &shape)?)
+        Ok(row(py, out)?)
     }
 
     fn __repr__(&self) -> String {
-        let names: Vec<String> = self.platforms.iter().map(|one| brief(&one.get().name, 30)).collect();
         let links = counted(self.tree.get().model.n_bodies(), "link", "links");
-        format!("<TreeOnPlatforms: {links} beside {}>", few(&names))
+        let platforms = counted(self.platforms.len(), "platform", "platforms");
+        format!("<TreeOnPlatforms: {links} beside {platforms}>")
     }
 }

@@ -223,7 +223,7 @@ pub(crate) fn outcome_of<S>(
 ///
 /// The variational equations are integrated beside the state, by the same method in the same steps, and jump
 /// where contacts begin and end. User-defined surfaces are differentiated by differences of their gradients,
-/// callable forces by differences.
+/// callable forces by differences. Capsules and boxes with friction have the limits that `differentiate_tree` names.
 ///
 /// Parameters
 /// ----------
@@ -259,7 +259,7 @@ pub(crate) fn outcome_of<S>(
 ///     changes, ``friction.stiffness``, ``friction.damping`` and ``friction.speed``; and ``('acceleration', direction)``,
 ///     the strength of a uniform acceleration, m/s².
 /// grazing : float, optional
-///     Size of the least gap up to which a surface is grazed, touched or missed, and there is no derivative: in
+///     Size of the minimum gap up to which a surface is grazed, touched or missed, and there is no derivative: in
 ///     parts of the way ‖u‖ T + ½ |Δẍ| T² that the point of contact covers in the interval T. The square root of
 ///     the machine epsilon, 1.5e-8, is the default and the least.
 /// max_event_rate : float, optional

@@ -8,7 +8,7 @@ use crate::contact::shapes::shape_of;
 use crate::contact::touches::Touches;
 use crate::core::callable::Failure;
 use crate::core::convert::{
-    a_type, array, components, finite_all, orientation, real_numbers, sequence, vector_array, vector_or,
+    a_type, array, components, finite_all, orientation, real_numbers, row, sequence, vector_array, vector_or,
     with_shape,
 };
 use crate::core::error::Error;
@@ -188,8 +188,8 @@ impl LinkPair {
 
     /// A ball and a ball, a capsule or a box, or two capsules, fixed on two links.
     ///
-    /// They touch at the points next to each other. Where such a point goes from a face of a box to an edge, or to the end of a
-    /// capsule, the second derivative of the gap jumps. Two capsules that become parallel are held by points that are not determined.
+    /// They touch at their nearest points. Where such a point passes from a face of a box to an edge, or to the end of a
+    /// capsule, the second derivative of the gap jumps. The nearest points of two parallel capsules are not unique.
     /// The distance of a box from a capsule or a box is not smooth: such pairs are refused.
     ///
     /// Parameters
@@ -275,8 +275,7 @@ impl LinkPair {
         let Some([a, b]) = shapes else {
             return Self::new(name, links, radii, law, Some(centers), friction, resistance);
         };
-        let list =
-            |numbers: &[f64]| Ok::<_, Error>(array(py, numbers.to_vec(), &[numbers.len()])?.into_any());
+        let list = |numbers: &[f64]| row(py, numbers.to_vec()).map(Bound::into_any);
         let orientations = Some([list(&a.2)?, list(&b.2)?]);
         let shapes = [(a.0, list(&a.1)?), (b.0, list(&b.1)?)];
         Self::of_shapes(name, links, shapes, law, Some(centers), orientations, friction, resistance)
@@ -426,9 +425,8 @@ impl TreeTouches {
         let of = |part: fn(&ContactState) -> Vector3<f64>| {
             vector_array(py, &touches.get(i).map_or_else(Vector3::zeros, part)).unbind()
         };
-        let numbers = |numbers: &[f64]| -> PyResult<Py<PyAny>> {
-            Ok(array(py, numbers.to_vec(), &[numbers.len()])?.into_any().unbind())
-        };
+        let numbers =
+            |numbers: &[f64]| -> PyResult<Py<PyAny>> { Ok(row(py, numbers.to_vec())?.into_any().unbind()) };
         let found = LinkEvent {
             t: event.t,
             kind: event.kind.name().to_owned(),
@@ -505,6 +503,14 @@ impl TreeContactList {
         let pairs = self.pairs.iter().map(|pair| pair.get().pair.clone()).collect();
         Ok(TreeInContact::try_new(tree, on_surfaces, pairs)?)
     }
+}
+
+/// The number of a contact that an argument names.
+pub(crate) fn contact_named(argument: &str, name: &str, names: &[String]) -> Result<usize, Error> {
+    names.iter().position(|known| known == name).ok_or_else(|| {
+        let (names, found) = (few(names), brief(name, 40));
+        Error::input(format!("`{argument}` must name one of the contacts {names}, found '{found}'"))
+    })
 }
 
 /// A state with the stretches that an argument asks for.
@@ -734,10 +740,7 @@ impl TreeContacts {
         q: &Bound<'py, PyAny>,
         contact: &str,
     ) -> Result<Bound<'py, PyArrayDyn<f64>>, Error> {
-        let Some(i) = self.names.iter().position(|name| name == contact) else {
-            let names = few(&self.names);
-            return Err(Error::input(format!("`contact` must be one of {names}, found '{contact}'")));
-        };
+        let i = contact_named("contact", contact, &self.names)?;
         self.with(py, (q, None), None, |system, x| {
             let found = system.contact_jacobian(i, x)?;
             let mut numbers = vec![0.0; found.len()];
@@ -826,8 +829,8 @@ impl TreeContacts {
 
     /// Momentum of the tree, and its rate by weight and by contacts with surfaces that stand in the world.
     ///
-    /// Of a tree with a free base the rate is that of the motion, where no other forces act on links; other
-    /// joints to the world add what they hold.
+    /// With a free base, and where no other forces act on links, this is the rate along the motion; other joints to the world
+    /// add their reactions.
     ///
     /// Parameters
     /// ----------
@@ -871,7 +874,7 @@ impl TreeContacts {
 
     /// Joint forces that accelerate the tree by a given acceleration: M(q) a + C(q, v) v + g(q) − Σ Jᵢᵀ Fᵢ.
     ///
-    /// The contacts push as their laws say, or with forces that were measured.
+    /// The forces of the contacts are those of their laws, or forces that were measured.
     ///
     /// Parameters
     /// ----------
@@ -888,11 +891,12 @@ impl TreeContacts {
     /// Returns
     /// -------
     /// ndarray, shape (n_velocities,)
-    ///     N m, and N of joints that slide. Forces in the joint of a free base are what the ground fails to give.
+    ///     N m, and N of joints that slide. Forces in the joint of a free base are residuals: with contact forces that fit the
+    ///     motion they are zero.
     ///
     /// Examples
     /// --------
-    /// A leg that stands straight on 63.765 N takes nothing of its joints:
+    /// A straight leg that stands on 63.765 N needs no joint forces:
     ///
     /// >>> import numpy as np
     /// >>> from somersault import contact

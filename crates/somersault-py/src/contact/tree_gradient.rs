@@ -4,11 +4,12 @@ use crate::contact::tree::{LinkEvent, TreeTouches};
 use crate::contact::tree_sensitivity::{Arguments, Prepared};
 use crate::core::callable::{Failure, call, callable_name, check_callable};
 use crate::core::convert::{
-    a_type, array, finite, finite_all, integer_or_none, interval_of, sequence, with_shape,
+    a_type, finite, finite_all, integer_or_none, interval_of, row, row_of_pickled, sequence, with_shape,
 };
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, counted, value};
 use crate::core::waiting::SignalTimer;
+use crate::integrators::monitor::STEPS_PER_LOOK;
 use crate::integrators::plan::StepArguments;
 use crate::multibody::model::Model;
 use numpy::prelude::*;
@@ -22,9 +23,6 @@ use somersault::integrators::augmented::Augmented;
 use somersault::integrators::driver::Flow;
 use somersault::integrators::events::{Located, Location};
 use somersault::multibody::motion::{Coordinates, JointDrive, TreeForces};
-
-/// How many steps lie between two looks at the clock.
-const STEPS_PER_LOOK: u64 = 64;
 
 /// A motion of a tree through contacts, a cost of it, and the gradient of that.
 ///
@@ -80,10 +78,7 @@ impl TreeGradient {
         let end = run.state.base();
         let mut v = vec![0.0; system.model().n_velocities()];
         system.model().joint_velocities(&end, &mut v)?;
-        let row = |numbers: Vec<f64>| {
-            let shape = [numbers.len()];
-            Ok::<_, PyErr>(array(py, numbers, &shape)?.unbind())
-        };
+        let row = |numbers: Vec<f64>| row(py, numbers).map(Bound::unbind);
         Ok(Self {
             t: run.t,
             q: row(end.configuration.as_slice().to_vec())?,
@@ -121,25 +116,21 @@ impl TreeGradient {
     /// A pickled gradient.
     #[classmethod]
     fn _restore(
-        cls: &Bound<'_, PyType>,
+        _: &Bound<'_, PyType>,
         t: f64,
         state: [Bound<'_, PyAny>; 2],
         events: Vec<Py<LinkEvent>>,
         gradient: (f64, Bound<'_, PyAny>, Bound<'_, PyAny>),
     ) -> Result<Self, Error> {
-        let read = |name: &str, value: &Bound<'_, PyAny>| {
-            let shape = [value.len()?];
-            Ok::<_, Error>(array(cls.py(), with_shape(name, &shape, value)?, &shape)?.unbind())
-        };
         let ([q, v], (cost, by_state, by_parameters)) = (state, gradient);
         Ok(Self {
             t,
-            q: read("q", &q)?,
-            v: read("v", &v)?,
+            q: row_of_pickled("q", &q)?,
+            v: row_of_pickled("v", &v)?,
             events,
             cost,
-            by_state: read("by_state", &by_state)?,
-            by_parameters: read("by_parameters", &by_parameters)?,
+            by_state: row_of_pickled("by_state", &by_state)?,
+            by_parameters: row_of_pickled("by_parameters", &by_parameters)?,
         })
     }
 }
@@ -157,7 +148,11 @@ fn value_and_derivatives<const N: usize>(
         Error::input(format!("{what} must be a tuple of a number and {N} derivatives, found {found}"))
     };
     let parts = parts.filter(|parts| parts.len() == 1 + N).ok_or_else(wrong)?;
-    let value = finite(what, parts[0].extract::<f64>().map_err(|_| wrong())?)?;
+    let first = || {
+        let found = a_type(&parts[0]);
+        Error::input(format!("{what} must begin with a real number, found {found}"))
+    };
+    let value = finite(what, parts[0].extract::<f64>().map_err(|_| first())?)?;
     for (out, part) in out.into_iter().zip(&parts[1..]) {
         if part.is_none() {
             out.fill(0.0);
@@ -170,9 +165,10 @@ fn value_and_derivatives<const N: usize>(
 
 /// Gradient of a cost of a tree's motion through contacts, by its initial state and by parameters.
 ///
-/// The run is recorded and walked back by the adjoint, which transposes each step and each jump at an event of the columns of
-/// `differentiate_tree`: both find the same numbers, to rounding. The cost of the gradient is that of some runs, whatever the number of
-/// parameters, so that a torque profile of a hundred numbers costs what one number does. The record takes a state for each step.
+/// The run is recorded, and a backward pass through the record applies the adjoint: the transpose of each step and of each jump at an event of
+/// the columns of `differentiate_tree`. Both give the same numbers, to rounding. The time is that of about five runs for any number of
+/// parameters, for example a torque profile of a hundred numbers. The record has a state for each step.
+/// Capsules and boxes with friction have the limits that `differentiate_tree` names.
 ///
 /// Parameters
 /// ----------
@@ -191,17 +187,17 @@ fn value_and_derivatives<const N: usize>(
 /// contacts : LinkContact, LinkPair or sequence of them
 ///     Where links touch surfaces and each other.
 /// running : callable, optional
-///     ``f(t, q, v)``, which returns the integrand of a running cost and its derivatives, as `cost` does. It is asked at the stages of all
-///     steps, on the way back, and integrated with the order of the method.
+///     ``f(t, q, v)``, which returns the integrand of a running cost and its derivatives, as `cost` does. It is evaluated at the stages of
+///     all steps, in the backward pass, and integrated with the order of the method.
 /// event_cost : callable, optional
-///     ``f(t)`` of the times of the events, shape (events,), which returns its value and its derivatives by them. An event that changes
-///     nothing has no derivative and must not weigh.
+///     ``f(t)`` of the times of the events, shape (events,), which returns its value and its derivatives by them. The time of an event that
+///     changes nothing has no derivative and must have the weight zero.
 /// method : str or MethodInfo, optional
 ///     An explicit Runge-Kutta method: 'euler', 'mp', 'heun', 'rk4', 'rkmk', 'rkmk3', 'rkmk5', 'rkmk8' or 'cf4'; 'rkmk' unless given,
 ///     or 'rkmk8' where steps are adapted.
 /// torque : array_like, shape (n_velocities,), TorqueProfile or callable, optional
-///     Joint forces, those at knots of time, or ``f(t, q, v)`` that returns them; none unless given. A callable is called 4 n_velocities
-///     times at each stage on the way back, others are not.
+///     Joint forces, those at knots of time, or ``f(t, q, v)`` that returns them; none unless given. A callable is called
+///     4 n_velocities times at each stage of the backward pass.
 /// active, acceleration
 ///     Driven degrees of freedom and their accelerations, as of `multibody.integrate_tree`.
 /// parameters : sequence, optional
@@ -211,7 +207,7 @@ fn value_and_derivatives<const N: usize>(
 /// stretches : {'loaded'} or array_like, shape (contacts, 3), optional
 ///     Stretches of the contacts' friction at the start; they do not change with the state at the start.
 /// grazing : float, optional
-///     Size of the least gap up to which a surface is grazed, as of `differentiate`.
+///     Size of the minimum gap up to which a surface is grazed, as of `differentiate`.
 /// max_event_rate : float, optional
 ///     Most events per second and contact, averaged over the last 64.
 ///
@@ -300,25 +296,21 @@ pub(crate) fn gradient_tree(
         let run = SensitivityRun::new(&system, &by, plan.method, plan.steps).with_options(plan.options);
         run.locating(location).observed_by(monitor).recorded_from(state)
     })?;
-    let (recorded, reason) = match outcome {
-        Ok(recorded) => (Some(recorded), None),
-        Err(undifferentiated) => {
-            let Undifferentiated { reason, so_far } = *undifferentiated;
-            (so_far, Some(reason))
-        }
+    let (mut recorded, refused) = match outcome {
+        Ok(recorded) => (recorded, None),
+        Err(undifferentiated) => match *undifferentiated {
+            Undifferentiated { reason, so_far: Some(recorded) } => (recorded, Some(reason)),
+            Undifferentiated { reason, so_far: None } => {
+                return Err(failure
+                    .get()
+                    .map_or_else(|| reason.into(), |raised| raised.clone_ref(py).into()));
+            }
+        },
     };
-    let is_whole = matches!(reason, None | Some(SensitivityError::Grazing(_)));
-    let status = recorded.as_ref().map(|recorded| recorded.run().status);
-    let ended = match (reason, status) {
-        (None, Some(status)) => Ok(status),
-        (None, None) => Err(Error::input("the run did not begin")),
-        (Some(reason), _) => Err(reason.into()),
-    };
+    let is_whole = matches!(refused, None | Some(SensitivityError::Grazing(_)));
+    let ended = refused.map_or(Ok(recorded.run().status), |reason| Err(reason.into()));
     let is_stopped = failure.get().is_some();
     let failed = monitor.finish(py, ended).failed;
-    let Some(mut recorded) = recorded else {
-        return Err(failed.map_or_else(|| Error::input("the run did not begin"), Error::Raised));
-    };
     let n = model.get().model.n_velocities();
     let none = (f64::NAN, vec![f64::NAN; 2 * n], vec![f64::NAN; by.parameters.len()]);
     if !is_whole || is_stopped {
@@ -347,9 +339,9 @@ pub(crate) fn gradient_tree(
     let end_cost =
         EndCost { by_motion: &by_motion, by_velocity: &by_velocity, by_event_times: &by_event_times };
     let running = running.map(|running| (running.clone().unbind(), callable_name(running)));
-    let mut watching = Watching { failure, timer: SignalTimer::start(), steps: 0 };
+    let mut signals = Signals { failure, timer: SignalTimer::start(), steps: 0 };
     let mut back = || {
-        let mut watch = |_: f64| watching.look();
+        let mut watch = |_: f64| signals.look();
         let Some((running, name)) = &running else { return recorded.gradient(&end_cost, None, &mut watch) };
         let what = format!("{name}(t, q, v)");
         let mut integrand = |t: f64, q: &[f64], v: &[f64], out: [&mut [f64]; 2]| {
@@ -370,14 +362,14 @@ pub(crate) fn gradient_tree(
     plan.deliver(py, failed, solution)
 }
 
-/// Looks for signals on the way back.
-struct Watching<'a> {
+/// Looks for signals in the backward pass.
+struct Signals<'a> {
     failure: &'a Failure,
     timer: SignalTimer,
     steps: u64,
 }
 
-impl Watching<'_> {
+impl Signals<'_> {
     fn look(&mut self) -> Flow {
         self.steps += 1;
         if self.steps.is_multiple_of(STEPS_PER_LOOK)

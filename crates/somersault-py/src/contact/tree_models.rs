@@ -2,7 +2,7 @@
 
 use crate::contact::surface::Surface;
 use crate::contact::tree::LinkContact;
-use crate::core::convert::{array, finite, finite_all, with_shape};
+use crate::core::convert::{finite, finite_all, row, with_shape};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, counted, value};
 use crate::multibody::model::Model;
@@ -43,7 +43,7 @@ value! {
 }
 
 fn numbers<'py>(py: Python<'py>, values: &[f64]) -> PyResult<Bound<'py, PyAny>> {
-    Ok(array(py, values.to_vec(), &[values.len()])?.into_any())
+    Ok(row(py, values.to_vec())?.into_any())
 }
 
 impl TreeContactSystem {

@@ -1,9 +1,11 @@
 //! Derivatives of a tree's motion through contacts.
 
 use crate::contact::sensitivity::{Derivatives, PickledDerivatives, outcome_of, parameters as parameters_of};
-use crate::contact::tree::{LinkEvent, TreeContactList, TreeTouches, stretched};
+use crate::contact::tree::{LinkEvent, TreeContactList, TreeTouches, contact_named, stretched};
 use crate::core::callable::Failure;
-use crate::core::convert::{array, finite_all, integer_or_none, interval_of, sequence, vector, with_shape};
+use crate::core::convert::{
+    finite_all, integer_or_none, interval_of, row, row_of_pickled, sequence, vector, with_shape,
+};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, value};
 use crate::integrators::methods;
@@ -80,8 +82,7 @@ impl TreeSensitivities {
         let end = run.state.base();
         let mut v = vec![0.0; system.model().n_velocities()];
         system.model().joint_velocities(&end, &mut v)?;
-        let numbers =
-            |numbers: &[f64]| Ok::<_, PyErr>(array(py, numbers.to_vec(), &[numbers.len()])?.unbind());
+        let numbers = |numbers: &[f64]| row(py, numbers.to_vec()).map(Bound::unbind);
         let event = |event| TreeTouches::event(py, system, event);
         Ok(Self {
             t: run.t,
@@ -119,12 +120,8 @@ impl TreeSensitivities {
         derivatives: PickledDerivatives<'_>,
     ) -> Result<Self, Error> {
         let (py, [q, v]) = (cls.py(), state);
-        let read = |name: &str, value: &Bound<'_, PyAny>| {
-            let shape = [value.len()?];
-            Ok::<_, Error>(array(py, with_shape(name, &shape, value)?, &shape)?.unbind())
-        };
         let derivatives = Derivatives::of_pickled(py, 2 * v.len()?, events.len(), derivatives)?;
-        Ok(Self { q: read("q", &q)?, v: read("v", &v)?, t, events, derivatives })
+        Ok(Self { q: row_of_pickled("q", &q)?, v: row_of_pickled("v", &v)?, t, events, derivatives })
     }
 }
 
@@ -133,9 +130,10 @@ fn parameter(
     value: &Bound<'_, PyAny>,
     (model, names): (&multibody::Model, &[String]),
 ) -> Result<Vec<Parameter>, Error> {
-    let contact = |of: &Bound<'_, PyAny>| match of.extract::<usize>() {
-        Ok(number) => Some(number),
-        Err(_) => of.extract::<String>().ok().and_then(|of| names.iter().position(|name| *name == of)),
+    let contact = |of: &Bound<'_, PyAny>| match (of.extract::<usize>(), of.extract::<String>()) {
+        (Ok(number), _) => Ok(Some(number)),
+        (Err(_), Ok(name)) => contact_named("parameters", &name, names).map(Some),
+        (Err(_), Err(_)) => Ok(None),
     };
     let body = |of: &Bound<'_, PyAny>| match of.extract::<String>() {
         Ok(name) => model.body(&name).map(Some).map_err(Error::from),
@@ -148,10 +146,10 @@ fn parameter(
     let name = parts.first().and_then(|name| name.extract::<String>().ok()).unwrap_or_default();
     let found = match (name.split_once('.'), name.as_str(), &parts[..]) {
         (Some(("law", name)), _, [_, of]) => {
-            contact(of).and_then(|of| one(Parameter::normal(of, name.to_string())))
+            contact(of)?.and_then(|of| one(Parameter::normal(of, name.to_string())))
         }
         (Some(("friction", name)), _, [_, of]) => {
-            contact(of).and_then(|of| one(Parameter::friction(of, name.to_string())))
+            contact(of)?.and_then(|of| one(Parameter::friction(of, name.to_string())))
         }
         (None, "torque", [_, dof]) => {
             dof.extract::<usize>().ok().and_then(|dof| one(Parameter::JointForce(dof)))
@@ -300,7 +298,8 @@ pub(crate) type MovingTree = Varied<Augmented<Coordinates>, AugmentedRate<Rates>
 ///
 /// The variational equations are integrated beside the state, by the same method in the same steps, and jump
 /// where contacts begin and end. Joint forces and accelerations that are callables are differentiated by central differences. For
-/// many parameters and one cost, `gradient_tree` is cheaper.
+/// many parameters and one cost, `gradient_tree` is faster. They are approximate after the nearest point of a capsule or a box with friction
+/// reached an end or an edge while it touched: the rate of the stretch jumps there.
 ///
 /// Parameters
 /// ----------
@@ -331,14 +330,14 @@ pub(crate) type MovingTree = Varied<Augmented<Coordinates>, AugmentedRate<Rates>
 ///     * ``('mass', body)``, with the centre of mass and the inertia about it kept; ``('center', body, direction)``, the centre
 ///       of mass along a direction in the axes of the body, m; ``('inertia', body, tensor)``, a factor on a symmetric tensor that
 ///       is added to the inertia about the centre of mass, kg m²;
-///     * ``('origin', body, direction)``, where the joint of a body is in its parent, along a direction in the axes of the parent,
-///       m: a length. The body moves along with its centre of mass, its contacts and all bodies that it carries.
+///     * ``('origin', body, direction)``, the position of the joint of a body in its parent, along a direction in the axes of the parent,
+///       m: a length. The body is displaced with its centre of mass, its contacts and all bodies that it carries.
 /// rtol, atol, max_step, first_step, max_steps
 ///     As of `multibody.integrate_tree`. Errors of derivatives are not weighed.
 /// stretches : {'loaded'} or array_like, shape (contacts, 3), optional
 ///     Stretches of the contacts' friction at the start; they do not change with the state at the start.
 /// grazing : float, optional
-///     Size of the least gap up to which a surface is grazed, as of `differentiate`.
+///     Size of the minimum gap up to which a surface is grazed, as of `differentiate`.
 /// max_event_rate : float, optional
 ///     Most events per second and contact, averaged over the last 64.
 ///

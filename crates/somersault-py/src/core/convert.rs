@@ -373,6 +373,18 @@ pub(crate) fn array<'py>(
     numpy::PyArray1::from_vec(py, values).reshape(shape.to_vec())
 }
 
+/// Numbers as an array of one axis.
+pub(crate) fn row(py: Python<'_>, values: Vec<f64>) -> PyResult<Bound<'_, PyArrayDyn<f64>>> {
+    let shape = [values.len()];
+    array(py, values, &shape)
+}
+
+/// A new array of one axis with the numbers of one that was pickled.
+pub(crate) fn row_of_pickled(argument: &str, value: &Bound<'_, PyAny>) -> Result<Py<PyArrayDyn<f64>>, Error> {
+    let numbers = with_shape(argument, &[value.len()?], value)?;
+    Ok(row(value.py(), numbers)?.unbind())
+}
+
 /// A vector as an array of shape (3,).
 pub(crate) fn vector_array<'py>(py: Python<'py>, v: &Vector3<f64>) -> Bound<'py, PyAny> {
     numpy::PyArray1::from_slice(py, v.as_slice()).into_any()

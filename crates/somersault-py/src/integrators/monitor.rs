@@ -13,7 +13,7 @@ use somersault::integrators::solution::{Recorder, Solution};
 use somersault::integrators::state::{Configuration, State};
 
 /// How many steps lie between two looks at the clock.
-const STEPS_PER_LOOK: u64 = 64;
+pub(crate) const STEPS_PER_LOOK: u64 = 64;
 
 /// Steps for whose records there must be room where it is not known how many there will be.
 const FIRST_ROOM: u64 = 1 << 16;

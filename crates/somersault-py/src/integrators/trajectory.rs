@@ -481,7 +481,7 @@ pub(crate) struct Solution {
     /// None where it was read from a file that does not have them.
     given: Option<Given>,
     dense: Option<Py<DenseOutput>>,
-    /// What contacts did, computed when it is first requested.
+    /// The states of contacts, computed on first access.
     touches: PyOnceLock<Option<Touches>>,
 }
 
@@ -528,7 +528,7 @@ impl Solution {
         Ok(found.as_ref().map(|found| of(found).clone_ref(py)))
     }
 
-    /// What contacts did at all times, by the laws that the run was given.
+    /// The states of contacts at all times, by the laws that the run was given.
     fn find_touches(&self, py: Python<'_>, base: &Trajectory) -> Result<Option<Touches>, Error> {
         let Some(given) = self.given.as_ref().filter(|_| self.log.contacts > 0) else { return Ok(None) };
         let failure = Failure::default();

@@ -49,7 +49,7 @@ impl Given {
         Ok(Self { source, failure: failure.clone(), calls: AtomicU64::new(0) })
     }
 
-    /// Accelerations of driven degrees of freedom, which have no knots: steps end at those of forces.
+    /// Accelerations of driven degrees of freedom. They have no knots: steps end at the knots of forces only.
     pub(crate) fn accelerations(
         n: usize,
         value: Option<&Bound<'_, PyAny>>,
@@ -85,7 +85,7 @@ impl Given {
         match &self.source {
             Source::Numbers(numbers) => all(out, numbers),
             Source::Profile(profile) => {
-                out.iter_mut().enumerate().for_each(|(dof, out)| write(out, profile.force(dof, t)));
+                out.iter_mut().zip(profile.forces(t)).for_each(|(out, force)| write(out, force));
             }
             Source::Callable { callable, name } => {
                 let found = call(&self.failure, vec![f64::NAN; out.len()], |py| {

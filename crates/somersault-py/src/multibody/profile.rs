@@ -1,6 +1,6 @@
 //! Joint forces given at knots of time.
 
-use crate::core::convert::{array, contiguous, finite_all, real_numbers, shape_text, times};
+use crate::core::convert::{array, contiguous, finite_all, real_numbers, row, shape_text, times};
 use crate::core::error::Error;
 use crate::core::memory::copied;
 use crate::core::value::{counted, value};
@@ -10,21 +10,20 @@ use pyo3::prelude::*;
 use somersault::integrators::nalgebra::DMatrix;
 use somersault::multibody::motion::{self, Between, Knots};
 
-/// Joint forces of a tree that are given at knots of time, as controls are.
+/// Joint forces of a tree that are given at knots of time, as a discretised control is.
 ///
-/// Before the first knot and after the last the force is that there. `multibody.integrate_tree`,
-/// `contact.differentiate_tree` and `contact.gradient_tree` take one as `torque`, end a step at each knot, so that
-/// methods keep their order, and call no Python for it.
+/// Before the first knot and after the last the forces are constant. `multibody.integrate_tree`,
+/// `contact.differentiate_tree` and `contact.gradient_tree` accept a profile as `torque`: they end a step at each knot, so that
+/// methods keep their order, and evaluate it without Python.
 ///
 /// Parameters
 /// ----------
 /// times : array_like, shape (knots,)
-///     When the knots are, s, increasing.
+///     Times of the knots, s, increasing.
 /// values : array_like, shape (knots, n_velocities)
 ///     Joint forces at the knots, N or N m.
 /// between : {'line', 'hold'}, optional
-///     What they are between knots: on the line through the values at both, as unless given, or held at the value of the
-///     knot before.
+///     Interpolation between knots: linear, the default, or constant at the value of the knot before.
 ///
 /// Examples
 /// --------
@@ -43,17 +42,16 @@ pub(crate) struct TorqueProfile {
 
 value! {
     impl TorqueProfile(times, values, between) {
-        /// ndarray, shape (knots,): When the knots are, s.
+        /// ndarray, shape (knots,): Times of the knots, s.
         times: PyResult<Py<PyArrayDyn<f64>>> = |own, py| {
-            let times = own.profile.knots().times();
-            Ok(array(py, times.to_vec(), &[times.len()])?.unbind())
+            Ok(row(py, own.profile.knots().times().to_vec())?.unbind())
         };
         /// ndarray, shape (knots, n_velocities): Joint forces at the knots, N or N m.
         values: PyResult<Py<PyArrayDyn<f64>>> = |own, py| {
             let values = own.profile.values();
             Ok(array(py, values.as_slice().to_vec(), &[values.ncols(), values.nrows()])?.unbind())
         };
-        /// str: What they are between knots, 'line' or 'hold'.
+        /// str: Interpolation between knots, 'line' or 'hold'.
         between: &str = |own| match own.profile.knots().between() {
             Between::Line => "line",
             Between::Hold => "hold",
@@ -88,7 +86,7 @@ impl TorqueProfile {
     fn __call__(&self, py: Python<'_>, t: &Bound<'_, PyAny>) -> Result<Py<PyArrayDyn<f64>>, Error> {
         let (scalar, times) = times("t", t)?;
         let n = self.profile.values().nrows();
-        let all = times.iter().flat_map(|t| (0..n).map(|dof| self.profile.force(dof, *t))).collect();
+        let all = times.iter().flat_map(|t| self.profile.forces(*t)).collect();
         let shape = [times.len(), n];
         Ok(array(py, all, if scalar { &shape[1..] } else { &shape })?.unbind())
     }
