@@ -76,7 +76,7 @@ class ChatteringError(IntegrationError):
 
 
 class SensitivityError(SomersaultError):
-    """The motion has no derivative: it grazes a surface, or is no isolated optimum."""
+    """The motion has no derivative: it grazes a surface, a nearest point under friction jumps in its rate, or it is no isolated optimum."""
 
 
 class DynamicsError(SomersaultError):

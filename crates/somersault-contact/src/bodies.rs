@@ -6,7 +6,7 @@ use crate::encounters::Encounters;
 use crate::error::ContactError;
 use crate::event::EventKind;
 use crate::laws::{ContactLaw, ContactMode, ContactRate, Encounter, Mobility};
-use crate::shape::{Shape, nearest_of_segments};
+use crate::shape::{Feature, Shape, feature_of_segments, nearest_of_segments};
 use crate::stretches::Touching;
 use crate::surface::{SurfaceCore, SurfaceFault};
 use crate::sweep::BodySweep;
@@ -300,6 +300,25 @@ impl<'a> Part<'a> {
         }
     }
 
+    /// The parts of its shapes that are nearest, where the bodies are carried so.
+    pub(crate) fn feature<C: Carrier>(&self, carrier: impl Fn(usize) -> C) -> Feature {
+        match self {
+            Self::Surface(body, contact) => contact.feature(&carrier(*body)),
+            Self::Pair(pair) => {
+                let [a, b] = pair.spheres.each_ref().map(|sphere| carrier(sphere.body));
+                pair.feature([&a, &b])
+            }
+        }
+    }
+
+    /// Whether a shape has parts.
+    pub(crate) fn has_features(&self) -> bool {
+        match self {
+            Self::Surface(_, contact) => contact.has_features(),
+            Self::Pair(pair) => !pair.is_of_balls(),
+        }
+    }
+
     /// The same of bodies in a state.
     #[inline]
     fn meet_of(&self, bodies: &[RigidBody], (q, p): Moving<'_>) -> (Encounter, Hold) {
@@ -351,6 +370,23 @@ impl SpherePair {
                 [of_a, b.nearest_moving((&core, &velocity), on_b)]
             }
             _ => [centre(a, on_a), centre(b, on_b)],
+        }
+    }
+
+    /// The parts of the two shapes that are nearest to each other.
+    fn feature<C: Carrier>(&self, carriers: [&C; 2]) -> Feature {
+        let [a, b] = self.spheres.each_ref().map(|sphere| &sphere.shape);
+        let [on_a, on_b] = carriers;
+        let centre = |shape: &Shape, on: &C| SurfaceCore::Point(on.origin() + on.turned(shape.centre()));
+        match (a, b) {
+            (
+                Shape::Capsule { centre: centre_a, half: half_a, .. },
+                Shape::Capsule { centre: centre_b, half: half_b, .. },
+            ) => feature_of_segments([(centre_a, half_a), (centre_b, half_b)], carriers),
+            (Shape::Capsule { .. } | Shape::Box { .. }, _) => a.feature(&centre(b, on_b), on_a),
+            (Shape::Point(_) | Shape::Ball { .. } | Shape::Rim { .. }, _) => {
+                b.feature(&centre(a, on_a), on_b)
+            }
         }
     }
 

@@ -5,7 +5,7 @@ use crate::encounters::Encounters;
 use crate::error::{ContactError, UntouchableShape, direction, finite};
 use crate::event::EventKind;
 use crate::laws::{ContactLaw, ContactMode, ContactRate, Encounter, Mobility};
-use crate::shape::{Place, Shape};
+use crate::shape::{Feature, Place, Shape};
 use crate::stretches::Touching;
 #[cfg(doc)]
 use crate::stretches::WithStretches;
@@ -164,6 +164,16 @@ impl Contact {
                 (arm, x.velocity_at(&arm))
             }
         }
+    }
+
+    /// The part of the shape that is nearest to the surface.
+    pub(crate) fn feature<C: Carrier>(&self, x: &C) -> Feature {
+        self.core.as_ref().map_or_else(Feature::default, |core| self.shape.feature(core, x))
+    }
+
+    /// Whether the shape has parts, of which one is nearest.
+    pub(crate) fn has_features(&self) -> bool {
+        matches!(self.shape, Shape::Capsule { .. } | Shape::Box { .. }) && self.core.is_some()
     }
 
     /// Whether the surface is fit to be touched in a state of the body.

@@ -6,6 +6,9 @@ use crate::surface::{SignedDistance, SurfaceCore};
 use nalgebra::{Matrix3, Unit, UnitQuaternion, Vector3};
 use somersault_core::argument::{expect_not_negative, expect_positive, expect_range};
 
+/// Distance from an end of a segment, over half its length, that is rounding.
+const ROUNDING: f64 = 1e-12;
+
 /// The part of a body or a link that touches; in its frame, from the centre of mass or the origin of the link, m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Shape {
@@ -48,6 +51,20 @@ pub enum Shape {
         /// Half the lengths of its edges.
         half: Vector3<f64>,
     },
+}
+
+/// A part of a capsule or a box, or of two capsules, by where its coordinates along the segments or axes end: −1 at one end, 1 at the
+/// other, 0 in between. Zero of other shapes.
+///
+/// The rate of a nearest point jumps where it passes from one part to another.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Feature([i8; 3]);
+
+impl Feature {
+    /// By the coordinates, each of which is limited to [-1, 1].
+    fn of_coordinates(free: [f64; 3]) -> Self {
+        Self(free.map(|x| i8::from(x > 1.0) - i8::from(x < -1.0)))
+    }
 }
 
 /// Gap, lever arm of the contact from the origin of its carrier and normal, world frame.
@@ -143,7 +160,7 @@ impl Shape {
                 let half = x.turned(half);
                 let (way, across) = (core.way_to(&(x.origin() + centre)), core.across(&half));
                 let square = across.norm_squared();
-                let free = if square > 0.0 { -across.dot(&way) / square } else { 0.0 };
+                let free = place_along(&way, &across);
                 let place = free.clamp(-1.0, 1.0);
                 let arm = centre + half * place;
                 let velocity = x.velocity_at(&arm);
@@ -173,6 +190,24 @@ impl Shape {
             }
             (Self::Box { .. }, SurfaceCore::Line(..)) => {
                 (Vector3::repeat(f64::NAN), Vector3::repeat(f64::NAN))
+            }
+        }
+    }
+
+    /// The part that is nearest to a core.
+    pub(crate) fn feature(&self, core: &SurfaceCore, x: &impl Carrier) -> Feature {
+        let centre = x.turned(self.centre());
+        match (self, core) {
+            (Self::Point(_) | Self::Ball { .. } | Self::Rim { .. }, _)
+            | (Self::Box { .. }, SurfaceCore::Line(..)) => Feature::default(),
+            (Self::Capsule { half, .. }, _) => {
+                let (way, across) = (core.way_to(&(x.origin() + centre)), core.across(&x.turned(half)));
+                Feature::of_coordinates([place_along(&way, &across), 0.0, 0.0])
+            }
+            (Self::Box { axes, half, .. }, SurfaceCore::Point(at)) => {
+                let span = at - x.origin() - centre;
+                let along = |k: usize| x.turned(&axes.column(k).into_owned()).dot(&span) / half[k];
+                Feature::of_coordinates([0, 1, 2].map(along))
             }
         }
     }
@@ -207,6 +242,28 @@ impl Shape {
             }
         }
     }
+}
+
+/// The coordinate, in half lengths from the centre of a segment, of the point of its line nearest to a core, by the way from the core to the
+/// centre and the part of the half length across the core.
+#[inline(always)]
+fn place_along(way: &Vector3<f64>, across: &Vector3<f64>) -> f64 {
+    let square = across.norm_squared();
+    if square > 0.0 { -across.dot(way) / square } else { 0.0 }
+}
+
+/// The parts of two capsules that are nearest to each other.
+pub(crate) fn feature_of_segments<C: Carrier>(
+    halves: [(&Vector3<f64>, &Vector3<f64>); 2],
+    carriers: [&C; 2],
+) -> Feature {
+    let ends = nearest_of_segments(halves, carriers).map(|(arm, _)| arm);
+    let side = |i: usize| {
+        let [centre, half] = [halves[i].0, halves[i].1].map(|v| carriers[i].turned(v));
+        let place = (ends[i] - centre).dot(&half) / half.norm_squared();
+        i8::from(place > 1.0 - ROUNDING) - i8::from(place < ROUNDING - 1.0)
+    };
+    Feature([side(0), side(1), 0])
 }
 
 /// The arms of the nearest points of two capsules, and their velocities.

@@ -10,8 +10,8 @@
 //! ```text
 //! s = w − f_Jᵀ λ⁺,   λ = Pᵀ λ⁺ − (s/ġ) ∇g,   p̄ −= (s/ġ) ∂g/∂p
 //! ```
-//! with the weight w of its time in the cost. So adjoint and columns agree to rounding: both are the variational equations by the
-//! method of the run, in its steps. A running cost ∫ l dt is Σ h b_i l_i, with the order of the method.
+//! with the weight w of its time in the cost. So adjoint and columns agree to rounding, or with capsules and boxes to the errors of
+//! central differences: both are the variational equations by the method of the run, in its steps. A running cost ∫ l dt is Σ h b_i l_i, with the order of the method.
 //!
 //! A. Griewank and A. Walther, *Evaluating Derivatives* (2008), chapter 3; W. W. Hager, *Runge–Kutta methods in optimal control and the
 //! transformed adjoint system*, Numer. Math. 87 (2000) 247, for the transposes of Runge–Kutta methods.
@@ -21,7 +21,7 @@ use super::differentiable::Differentiable;
 use super::outcome::{SensitivityError, Undifferentiated};
 use super::record::{Record, Steps};
 use super::run::{SensitivityRun, Watching, prepare, varied, why};
-use super::system::{Log, Variational};
+use super::system::Variational;
 use super::transposed::{Costate, Transposed, dot};
 use crate::event::EventKind;
 use crate::laws::ContactMode;
@@ -139,13 +139,13 @@ where
         let run = Run::by(&variational, &method, steps).locating(location).observed_by(&mut watching);
         let run = run.from(&moving);
         let is_full = recording.is_full;
-        let Log { grazing, .. } = variational.log.take();
+        let without_derivative = variational.log.take().reason();
         let (run, reason) = match run {
             Ok(run) if is_full => {
                 let reason = SensitivityError::NoRoom { steps: run.steps };
                 (run, Some(reason))
             }
-            Ok(run) => (run, grazing.map(SensitivityError::Grazing)),
+            Ok(run) => (run, without_derivative),
             Err(interrupted) => (interrupted.so_far, Some(why(interrupted.reason))),
         };
         let run = without_columns::<TreeInContact<'m, F, D>>(run);

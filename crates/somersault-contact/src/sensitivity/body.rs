@@ -10,6 +10,7 @@ use crate::event::EventKind;
 use crate::laws::{ContactMode, Encounter};
 use crate::linearization::Linearization;
 use crate::linearized::{At, Linearized};
+use crate::shape::Feature;
 use crate::stretches::WithStretches;
 use crate::surface::SurfaceFault;
 use nalgebra::{Dyn, OMatrix, SMatrix, SVector, U12, Vector3};
@@ -196,6 +197,13 @@ impl<F: ForceModel> Differentiable for BodyInContact<F> {
             | Parameter::JointForce(_)
             | Parameter::JointForceAt(..)
             | Parameter::Tree(_) => {}
+        }
+    }
+
+    fn each_feature(&self, x: At<'_, Self>, mut see: impl FnMut(usize, Feature)) {
+        let x = state::<F>(x);
+        for (i, contact) in self.forces.1.iter().enumerate().filter(|(_, contact)| contact.has_features()) {
+            see(i, contact.feature(&x));
         }
     }
 

@@ -5,6 +5,7 @@ use super::parameter::Parameter;
 use crate::event::EventKind;
 use crate::laws::ContactMode;
 use crate::linearized::{At, Linearized, Rate};
+use crate::shape::Feature;
 use crate::surface::SurfaceFault;
 use nalgebra::DMatrix;
 use somersault_integrators::augmented::{Augmented, AugmentedRate};
@@ -57,6 +58,9 @@ pub trait Differentiable: Linearized {
     /// Adds what a parameter changes of the accelerations besides, after
     /// [`acceleration_change`](Linearized::acceleration_change).
     fn add_change_by(&self, w: &mut Self::Room, parameter: &Parameter, out: &mut Rate<Self>);
+
+    /// Shows the numbers of the contacts of capsules and boxes, and which of their parts are nearest.
+    fn each_feature(&self, x: At<'_, Self>, see: impl FnMut(usize, Feature));
 
     /// What is left of a run.
     fn collect(&self, collected: Collected<Self::Moved>) -> Self::Sensitivities;

@@ -52,8 +52,9 @@
 //! other forces by central differences; at a touch-down δv jumps by −M⁻¹ Jᵀ (F⁺ − F⁻) δt. Derivatives are by motions of the
 //! joints along q ⊕ ε e_k, by their velocities, by constants of the laws, by joint forces that are constant
 //! ([`Parameter::JointForce`]) or given at knots ([`Parameter::JointForceAt`]), and by masses, centres of mass, inertias and
-//! placements of joints ([`Parameter::Tree`]); what is left are [`TreeSensitivities`]. They are approximate after the nearest point of a
-//! capsule or a box with friction reached an end or an edge while it touched: the rate of the stretch jumps there, without an event.
+//! placements of joints ([`Parameter::Tree`]); what is left are [`TreeSensitivities`]. There are none after the nearest point
+//! of a capsule or a box passed to another part of its shape while it touched with friction: the rate of the stretch jumps there, without an
+//! event ([`SensitivityError::Feature`]).
 //!
 //! ```
 //! use somersault_contact::models::HoppingLeg;

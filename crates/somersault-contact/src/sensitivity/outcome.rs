@@ -166,11 +166,23 @@ pub enum SensitivityError {
         .0.guard, .0.t, .0.gap, .0.bound, .0.side
     )]
     Grazing(Grazing),
+    /// A capsule or a box touches with friction, and its nearest point passes from one of its parts to another: the plane of contact,
+    /// with which the stretch of friction turns, changes the rate at which it turns at once.
+    #[error(
+        "the nearest point of contact {contact} passes to another part of its shape at t = {t}, under friction: there is no derivative, and that kept leaves out the jump there"
+    )]
+    Feature {
+        /// Which contact.
+        contact: usize,
+        /// The end of the step in which it happens, s.
+        t: f64,
+    },
 }
 
 /// A derivative that cannot be had, with the motion and the columns as far as they go.
 ///
-/// After a graze they are the one-sided derivatives of the whole run, on the [`Side`](super::Side) on which it is.
+/// After a graze they are the one-sided derivatives of the whole run, on the [`Side`](super::Side) on which it is; after a change of
+/// [`Feature`](SensitivityError::Feature) those of the whole run without the jump there.
 #[derive(Debug, Clone, thiserror::Error)]
 #[error("{reason}")]
 pub struct Undifferentiated<S = Sensitivities> {

@@ -4,7 +4,7 @@ use super::collect::collect;
 use super::differentiable::{Differentiable, VariedOf};
 use super::outcome::{Sensitivities, SensitivityError, Undifferentiated};
 use super::parameter::{Differentiation, FoundParameter, Parameter};
-use super::system::{Log, Variational};
+use super::system::Variational;
 use crate::encounters;
 use crate::laws::{ContactLaw, Encounter, LawParameter};
 use crate::linearized::Linearized;
@@ -104,7 +104,8 @@ impl<'a, 'o, S: Differentiable, M> SensitivityRun<'a, 'o, S, M> {
     /// Runs from a state.
     ///
     /// Errors keep the solution: those of a [`Run`] that locates events, which also end runs whose columns stop being finite, a
-    /// parameter of a contact or of friction that there is not, a start on a surface, and grazing.
+    /// parameter of a contact or of friction that there is not, a start on a surface, grazing, and nearest points that pass to another part
+    /// of a shape under friction.
     pub fn from(self, initial: &State<S::Moved>) -> SensitivityResult<S::Sensitivities>
     where
         M: for<'b> Engages<Frozen<'b, Variational<'a, S>>>,
@@ -127,10 +128,11 @@ impl<'a, 'o, S: Differentiable, M> SensitivityRun<'a, 'o, S, M> {
         let mut watching = Watching { system: &variational, observer };
         let run = Run::by(&variational, method, steps).locating(location).observed_by(&mut watching);
         let run = run.from(&stretched);
-        let Log { times, grazing } = variational.log.take();
-        match (run, grazing) {
+        let log = variational.log.take();
+        let (reason, times) = (log.reason(), log.times);
+        match (run, reason) {
             (Ok(run), None) => Ok(collect(system, run, &times)),
-            (Ok(run), Some(grazing)) => Err((SensitivityError::Grazing(grazing), run)),
+            (Ok(run), Some(reason)) => Err((reason, run)),
             (Err(interrupted), _) => Err((why(interrupted.reason), interrupted.so_far)),
         }
         .map_err(|(reason, run)| Box::new(Undifferentiated { reason, so_far: collect(system, run, &times) }))

@@ -3,12 +3,14 @@
 
 use super::differentiable::{Differentiable, VariedOf};
 use super::grazing::{Grazing, Side};
+use super::outcome::SensitivityError;
 use super::parameter::FoundParameter;
 use super::record::{Passage, Record};
 use crate::encounters::{self, reset};
 use crate::event::EventKind;
 use crate::laws::{ContactChange, ContactLaw, ContactMode, Encounter};
 use crate::linearized::{At, LinearizedRoom, Rate};
+use crate::shape::Feature;
 use crate::surface::SurfaceFault;
 use nalgebra::Vector3;
 use somersault_integrators::augmented::AugmentedRate;
@@ -40,6 +42,16 @@ pub(super) struct Log {
     pub(super) times: Vec<EventTime>,
     /// The first event without a derivative.
     pub(super) grazing: Option<Grazing>,
+    /// The first contact whose nearest point passed to another part under friction, and the end of that step.
+    pub(super) feature: Option<(usize, f64)>,
+}
+
+impl Log {
+    /// Why there is no derivative of a run that went to its end.
+    pub(super) fn reason(&self) -> Option<SensitivityError> {
+        let of_feature = |(contact, t)| SensitivityError::Feature { contact, t };
+        self.grazing.map(SensitivityError::Grazing).or(self.feature.map(of_feature))
+    }
 }
 
 /// Something in contact with columns of tangents, the last of which belong to parameters.
@@ -66,6 +78,7 @@ pub struct Variational<'a, S: Differentiable> {
 struct Between<W> {
     system: W,
     encounters: Vec<Encounter>,
+    features: Vec<Feature>,
 }
 
 /// A contact that passes from one mode to another at an event.
@@ -133,7 +146,8 @@ impl<'a, S: Differentiable> Variational<'a, S> {
         keep_events: bool,
     ) -> Self {
         let grazing = grazing.max(f64::EPSILON.sqrt());
-        let between = RefCell::new(Between { system: system.room(), encounters: Vec::new() });
+        let between =
+            RefCell::new(Between { system: system.room(), encounters: Vec::new(), features: Vec::new() });
         let log = RefCell::default();
         Self { system, parameters, grazing, duration, keep_events, log, record: None, between }
     }
@@ -177,11 +191,11 @@ impl<'a, S: Differentiable> Variational<'a, S> {
         }
     }
 
-    /// Notes contacts that are open over a step and just miss their surface within it: the gap is the cubic
-    /// through its values and rates at the ends.
+    /// Notes contacts that are open over a step and just miss their surface within it, by the cubic through gap and rate at the ends, and
+    /// those that touch with friction and pass to another part of their shape.
     pub(super) fn watch(&self, (t, before): (f64, &StateOf<S>), (t_after, after): (f64, &StateOf<S>)) {
         let h = t_after - t;
-        let Between { encounters, .. } = &mut *self.between.borrow_mut();
+        let Between { encounters, features, .. } = &mut *self.between.borrow_mut();
         encounters.clear();
         let see = |_: usize, _: &ContactLaw, at: &Encounter| encounters.push(*at);
         self.system.each_encounter(&before.configuration.base.0, &before.rate.base.base, see);
@@ -200,6 +214,21 @@ impl<'a, S: Differentiable> Variational<'a, S> {
             self.note(Grazing { t: t + theta * h, guard, gap, bound, side: Side::Missing });
         };
         self.system.each_encounter(&after.configuration.base.0, &after.rate.base.base, see);
+        features.clear();
+        self.system.each_feature(base::<S>(before), |_, feature| features.push(feature));
+        let mut of_before = features.iter();
+        self.system.each_feature(base::<S>(after), |contact, feature| {
+            let passes = of_before.next().is_some_and(|before| *before != feature);
+            if passes && self.is_stretched(contact, [base::<S>(before), base::<S>(after)]) {
+                self.log.borrow_mut().feature.get_or_insert((contact, t_after));
+            }
+        });
+    }
+
+    /// Whether the friction of a contact has a stretch, which is zero where it is open, at an end of a step.
+    fn is_stretched(&self, contact: usize, ends: [At<'_, S>; 2]) -> bool {
+        let has_stretch = self.system.laws().nth(contact).is_some_and(|law| law.friction().has_stretch());
+        has_stretch && ends.iter().any(|(_, p)| p.variables[contact] != Vector3::zeros())
     }
 
     /// The event of one contact: the jump of the columns, in a state that is linearised with all its contacts.

@@ -5,6 +5,7 @@ use super::outcome::{SensitivityError, TreeSensitivities};
 use super::parameter::Parameter;
 use crate::laws::ContactMode;
 use crate::linearized::At;
+use crate::shape::Feature;
 use crate::surface::SurfaceFault;
 use crate::tree::{TreeInContact, TreeRoom};
 use nalgebra::DMatrix;
@@ -66,6 +67,17 @@ impl<F: TreeForces, D: JointDrive> Differentiable for TreeInContact<'_, F, D> {
     }
 
     fn add_change_by(&self, _: &mut TreeRoom, _: &Parameter, _: &mut Rates) {}
+
+    fn each_feature(&self, (q, p): At<'_, Self>, mut see: impl FnMut(usize, Feature)) {
+        let contacts = self.contacts();
+        if contacts.parts().any(|part| part.has_features()) {
+            self.seen((&q.0, &p.base), |bodies| {
+                for (i, part) in contacts.parts().enumerate().filter(|(_, part)| part.has_features()) {
+                    see(i, contacts.feature(i, &part, bodies));
+                }
+            });
+        }
+    }
 
     fn collect(&self, collected: Collected<Coordinates>) -> TreeSensitivities {
         let Collected { run, columns, event_times } = collected;

@@ -5,7 +5,7 @@ use crate::carrier::Frame;
 use crate::contacts::Contact;
 use crate::error::ContactError;
 use crate::laws::{ContactLaw, Encounter};
-use crate::shape::Shape;
+use crate::shape::{Feature, Shape};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use somersault_multibody::geometry::GeometryShape;
 use somersault_multibody::motion::mobility_bound;
@@ -261,6 +261,16 @@ impl TreeContacts {
             (Part::Surface(..) | Part::Pair(_), _) => {
                 part.meet(|link| frame(bodies, link), |link| self.masses[link])
             }
+        }
+    }
+
+    /// The parts of the shapes of contact `i` that are nearest.
+    pub(crate) fn feature(&self, i: usize, part: &Part<'_>, bodies: &Velocities<'_>) -> Feature {
+        match (part, self.base(i)) {
+            (Part::Surface(link, contact), Some(base)) => {
+                contact.feature(&frame(bodies, *link).seen_from(&frame(bodies, base)))
+            }
+            (Part::Surface(..) | Part::Pair(_), _) => part.feature(|link| frame(bodies, link)),
         }
     }
 

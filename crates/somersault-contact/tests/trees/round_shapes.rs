@@ -6,6 +6,7 @@ use somersault_contact::contacts::Contact;
 use somersault_contact::laws::ContactLaw;
 use somersault_contact::laws::compliant::CompliantLaw;
 use somersault_contact::laws::coulomb::CoulombFriction;
+use somersault_contact::sensitivity::{Differentiation, SensitivityError, SensitivityRun};
 use somersault_contact::surface::{CylindricalSurface, HalfSpace, Solid, SphericalSurface, Surface};
 use somersault_contact::tree::{LinkContact, LinkPair, TreeInContact, shape_contacts};
 use somersault_integrators::driver::{Adaptive, Steps, TimeGrid};
@@ -249,6 +250,39 @@ fn derivatives_with_capsules_are_differences_of_runs() {
     let worst = error_by_state(&system, &start, &found, grid);
     println!("{worst:e}, {} events", touched.len());
     assert!(worst < 1e-6, "{worst:e}");
+}
+
+/// A rod slides over a ball to its end: with friction there the rate of the stretch jumps, and the run has no derivative.
+#[test]
+fn a_nearest_point_that_reaches_an_end_under_friction_has_no_derivative() {
+    let model = bodies();
+    let ball: Arc<dyn Surface> =
+        Arc::new(SphericalSurface::try_new(Vector3::new(0.37, 0.0, -0.34), 0.3, Solid::Inside).unwrap());
+    let along = [Vector3::x() * -0.4, Vector3::x() * 0.4];
+    let (mut q, mut v) = ([0.0; 14], [0.0; 12]);
+    (q[6], q[13], q[7]) = (1.0, 1.0, 9.0);
+    v[0] = -3.0;
+    let start = model.state(&q, &v).unwrap();
+    let grid = TimeGrid::try_new(0.0, 0.03, 1e-3).unwrap();
+    let with = |law: ContactLaw| {
+        let rod = Contact::try_capsule(along, 0.05, ball.clone(), law).unwrap();
+        let rod = LinkContact::new("rod", "a", rod);
+        TreeInContact::try_new(TreeSystem::new(&model, ()), vec![rod], vec![]).unwrap()
+    };
+    let smooth = with(CompliantLaw::try_new(5e3, 10.0).unwrap().into());
+    let found = differentiate(&smooth, &start, [], grid);
+    assert!(error_by_state(&smooth, &start, &found, grid) < 1e-6);
+
+    let (system, by) = (with(law(10.0)), Differentiation::default());
+    let run = || SensitivityRun::new(&system, &by, Method::Rkmk8, grid);
+    // without friction the end is reached after 10 ms
+    let is_there = |reason: &SensitivityError| matches!(reason, SensitivityError::Feature { contact: 0, t } if (0.01..0.015).contains(t));
+    let refused = run().from(&start).unwrap_err();
+    assert!(is_there(&refused.reason), "{refused}");
+    assert_eq!(refused.so_far.run.t, 0.03);
+    assert!(refused.so_far.state.iter().all(|x| x.is_finite()));
+    let recorded = run().recorded_from(&start).unwrap_err();
+    assert!(is_there(&recorded.reason) && recorded.so_far.is_some(), "{}", recorded.reason);
 }
 
 /// A plank that lies across a log does not fall through it, though no corner is near.

@@ -276,8 +276,9 @@ pub(crate) fn outcome_of<S>(
 ///     If an argument is not allowed, or the derivative does not exist: by the friction of a contact without friction, or
 ///     of a start on a surface.
 /// SensitivityError
-///     If the motion grazes a surface, touching it or just missing it. The derivatives in the attribute
-///     `solution` are then one-sided; the message says of which side.
+///     If the motion grazes a surface, touching it or just missing it: the derivatives in the attribute
+///     `solution` are then one-sided, and the message says of which side. Also if the nearest point of a capsule or a box passes to
+///     another part of its shape while it touches with friction: the rate of the stretch jumps there, which they leave out.
 /// IntegrationError
 ///     If the run cannot continue. This one and the last have what was found before in the attribute `solution`.
 ///

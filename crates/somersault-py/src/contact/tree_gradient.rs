@@ -222,8 +222,9 @@ fn value_and_derivatives<const N: usize>(
 ///     If an argument is not allowed, no cost is given, or the derivative does not exist: by the friction of a contact without
 ///     friction, or of a start on a surface.
 /// SensitivityError
-///     If the motion grazes a surface, touching it or just missing it. The gradient in the attribute
-///     `solution` is then one-sided; the message says of which side.
+///     If the motion grazes a surface, touching it or just missing it: the gradient in the attribute
+///     `solution` is then one-sided, and the message says of which side. Also if the nearest point of a capsule or a box passes to
+///     another part of its shape while it touches with friction: the rate of the stretch jumps there, which it leaves out.
 /// EvaluationError
 ///     If the gradient is not finite.
 /// DynamicsError
@@ -307,7 +308,8 @@ pub(crate) fn gradient_tree(
             }
         },
     };
-    let is_whole = matches!(refused, None | Some(SensitivityError::Grazing(_)));
+    let is_whole =
+        matches!(refused, None | Some(SensitivityError::Grazing(_) | SensitivityError::Feature { .. }));
     let ended = refused.map_or(Ok(recorded.run().status), |reason| Err(reason.into()));
     let is_stopped = failure.get().is_some();
     let failed = monitor.finish(py, ended).failed;

@@ -298,8 +298,7 @@ pub(crate) type MovingTree = Varied<Augmented<Coordinates>, AugmentedRate<Rates>
 ///
 /// The variational equations are integrated beside the state, by the same method in the same steps, and jump
 /// where contacts begin and end. Joint forces and accelerations that are callables are differentiated by central differences. For
-/// many parameters and one cost, `gradient_tree` is faster. They are approximate after the nearest point of a capsule or a box with friction
-/// reached an end or an edge while it touched: the rate of the stretch jumps there.
+/// many parameters and one cost, `gradient_tree` is faster.
 ///
 /// Parameters
 /// ----------
@@ -352,8 +351,9 @@ pub(crate) type MovingTree = Varied<Augmented<Coordinates>, AugmentedRate<Rates>
 ///     If an argument is not allowed, or the derivative does not exist: by the friction of a contact without friction, or
 ///     of a start on a surface.
 /// SensitivityError
-///     If the motion grazes a surface, touching it or just missing it. The derivatives in the attribute
-///     `solution` are then one-sided; the message says of which side.
+///     If the motion grazes a surface, touching it or just missing it: the derivatives in the attribute
+///     `solution` are then one-sided, and the message says of which side. Also if the nearest point of a capsule or a box passes to
+///     another part of its shape while it touches with friction: the rate of the stretch jumps there, which they leave out.
 /// DynamicsError
 ///     If the mass matrix becomes singular.
 /// IntegrationError

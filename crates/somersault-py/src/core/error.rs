@@ -303,7 +303,9 @@ impl From<SensitivityError> for Error {
     fn from(error: SensitivityError) -> Self {
         match error {
             SensitivityError::Run(reason) => reason.into(),
-            SensitivityError::Grazing(_) => Self::own(Class::Sensitivity, &error),
+            SensitivityError::Grazing(_) | SensitivityError::Feature { .. } => {
+                Self::own(Class::Sensitivity, &error)
+            }
             SensitivityError::Tree(error) => error.into(),
             SensitivityError::NonFinite => Self::own(Class::Evaluation, &error),
             error => Self::own(Class::Input, &error),
