@@ -56,7 +56,8 @@ def test_the_flight_is_that_which_was_seen() -> None:
     lower, upper = found.chi_squared_range
     assert found.chi_squared is not None and lower < found.chi_squared < upper
     assert abs(found.noise[0] - 0.02) < 0.004 and found.full_dynamics_defect < 1e-3
-    assert all(d <= limit for d, limit in zip(found.departures, found.departure_limits, strict=True))
+    assert all(d <= limit for d, limit in zip(found.departures[:3], found.departure_limits[:3], strict=True))
+    assert np.isnan(found.departures[3])
 
 
 def test_the_laws_of_flight_hold_exactly() -> None:
@@ -120,6 +121,12 @@ def test_frames_before_take_off_are_found() -> None:
     assert found.status == "misfit" and found.departures[1] > found.departure_limits[1]
     assert "at the start" in found.message and "its first frames are no flight" in found.message
     assert motion.reconstruct_flight(MARKERS, pushed, noise=0.02, scale=1.0, interval=(0.06, 0.8)).success
+
+
+def test_a_wrong_size_is_found() -> None:
+    found = motion.reconstruct_flight(MARKERS, seen(), scale=1.06)
+    assert found.status == "misfit" and found.departures[3] > found.departure_limits[3]
+    assert "larger or smaller than `scale`" in found.message
 
 
 @pytest.mark.parametrize(

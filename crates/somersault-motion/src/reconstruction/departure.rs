@@ -11,7 +11,7 @@
 //! d = βᵀ S⁻¹ β / n
 //! ```
 //! with the gradient β by n of them and the Schur complement S of their Hessian. Where the laws hold, n d has the χ² distribution with n
-//! degrees of freedom.
+//! degrees of freedom. A size that was given is tested likewise.
 //!
 //! Source: C. R. Rao, Proc. Camb. Phil. Soc. 44 (1948) 50.
 
@@ -53,8 +53,9 @@ pub(super) fn function(splines: &JointSplines, k: usize, t: f64) -> [f64; 2] {
 }
 
 impl Search<'_> {
-    /// d of the whole flight, of its start and of its end, each with its limit. None where the Hessian has no inverse.
-    pub(super) fn departures(&mut self) -> Result<Option<[[f64; 2]; 3]>, ReconstructionError> {
+    /// d of the whole flight, of its start, of its end and of the size, each with its limit; NaN of a size that was sought. None where the
+    /// Hessian has no inverse.
+    pub(super) fn departures(&mut self) -> Result<Option<[[f64; 2]; 4]>, ReconstructionError> {
         self.expect_not_cancelled()?;
         let frames = self.all();
         let knots = self.knots(&frames);
@@ -71,17 +72,22 @@ impl Search<'_> {
         }
         let all = layout.departures();
         let each = all.len() / N_FUNCTIONS;
-        let mut found = [[0.0; 2]; 3];
-        for (found, functions) in found.iter_mut().zip(FUNCTIONS) {
-            let tested = all.start + functions.start * each..all.start + functions.end * each;
-            let kept: Vec<usize> =
-                (0..gradient.len()).filter(|k| !all.contains(k) || tested.contains(k)).collect();
+        let of_functions = |k: Range<usize>| all.start + k.start * each..all.start + k.end * each;
+        let size = layout.scale().filter(|_| !self.flown.layout.has_scale).map_or(0..0, |k| k..k + 1);
+        let [whole, start, end] = FUNCTIONS.map(of_functions);
+        let mut found = [[f64::NAN; 2]; 4];
+        for (found, tested) in found.iter_mut().zip([whole, start, end, size.clone()]) {
+            if tested.is_empty() {
+                continue;
+            }
+            let is_kept = |k: &usize| tested.contains(k) || !(all.contains(k) || size.contains(k));
+            let kept: Vec<usize> = (0..gradient.len()).filter(is_kept).collect();
             // the lower half stays the lower half
             let part = Mat::from_fn(kept.len(), kept.len(), |i, j| matrix[(kept[i], kept[j])]);
             let of_part: Vec<f64> = kept.iter().map(|k| gradient[*k]).collect();
             let Some((_, fall)) = damped_step(&part, &of_part, 0.0) else { return Ok(None) };
             // s² along gravity is gravity, where that is sought
-            let n = tested.len() - usize::from(layout.has_gravity && functions.start == 0);
+            let n = tested.len() - usize::from(layout.has_gravity && tested.len() > each);
             *found = [fall / n as f64, chi_squared_quantile(n, CHANCE) + TOLERANCE];
         }
         Ok(Some(found))

@@ -107,10 +107,11 @@ pub struct ReconstructedFlight {
     pub chi_squared_range: [f64; 2],
     /// χ² per degree of freedom of departures from the laws of flight over the whole flight, in its first 0.08 s and in its last: about 1
     /// where these hold, more where an angular momentum that varies, or a centre of mass that leaves its parabola, fits better: over the whole
-    /// by polynomials of time of degrees 3 and 4. NaN where the markers do not determine them.
-    pub departures: [f64; 3],
+    /// by polynomials of time of degrees 3 and 4. The last number is that of the size, where it was given. NaN where the markers do not
+    /// determine them, and for a size that was sought.
+    pub departures: [f64; 4],
     /// What each must not exceed.
-    pub departure_limits: [f64; 3],
+    pub departure_limits: [f64; 4],
     /// Largest angle to the orientations that the full equations of motion lead to, rad.
     pub full_dynamics_defect: f64,
     /// Numbers in v of the joints that no marker sees. They are taken to be near the posture of the start,

@@ -100,6 +100,14 @@ pub enum ReconstructionError {
         /// Frames there are.
         found: usize,
     },
+    /// The derivatives of so many frames take too much memory.
+    #[error("a flight whose joints have so many coefficients may have {limit} frames, found {found}")]
+    TooManyFrames {
+        /// Frames there are.
+        found: usize,
+        /// Frames allowed.
+        limit: usize,
+    },
     /// Splines of so many knots take too much memory.
     #[error(
         "joints may have {limit} coefficients together, found {found}: the knots are too close for this recording"

@@ -16,6 +16,7 @@ use crate::fit::{MarkerFit, MarkerSet};
 use crate::recording::MarkerRecording;
 use faer::Mat;
 use nalgebra::{DMatrix, Vector3};
+use somersault_core::argument::expect_range;
 use somersault_core::cancel::CancellationToken;
 use somersault_multibody::Model;
 use somersault_multibody::flight::{Flight, TakeOff};
@@ -59,8 +60,12 @@ pub struct FlightReconstruction {
 
 /// Frames that a flight has, at least.
 const LEAST_FRAMES: usize = 10;
+/// The longest flight, s.
+const LONGEST: f64 = 100.0;
 /// Unknowns that a search may have: a Hessian of them takes 72 MB.
 const MAX_UNKNOWNS: usize = 3000;
+/// Derivatives of an orientation that all frames may have together: 480 MB.
+const MAX_DERIVATIVES: f64 = 2e7;
 /// Where the search begins, in fractions of the duration: elsewhere where it fails from the middle.
 const REFERENCES: [f64; 3] = [0.5, 0.38, 0.62];
 /// Noise where nothing is known of it, m.
@@ -133,11 +138,16 @@ impl FlightReconstruction {
         let recording = self.part(recording)?;
         let times = recording.times().to_vec();
         let duration = times[times.len() - 1] - times[0];
+        expect_range("duration of the flight", duration, "at most 100 s", |x| x <= LONGEST)?;
         let n_intervals = (duration / self.options.knot_spacing).round().max(1.0);
         let n_channels = self.model.n_velocities() - self.model.velocities_of(0).len();
         let found = (n_intervals + 3.0) * n_channels as f64;
         if found > MAX_UNKNOWNS as f64 {
             return Err(ReconstructionError::TooManyUnknowns { found: found as usize, limit: MAX_UNKNOWNS });
+        }
+        let limit = (MAX_DERIVATIVES / found.max(1.0)) as usize;
+        if times.len() > limit {
+            return Err(ReconstructionError::TooManyFrames { found: times.len(), limit });
         }
         let fits = FrameFits::try_new(&self.model, &self.markers, &self.options, &recording, token)?;
         let fit = MarkerFit::try_new(&self.model, self.markers.clone(), crate::fit::FitOptions::default())?;
@@ -265,7 +275,7 @@ impl FlightReconstruction {
             && departures.is_some()
             && splines.largest_turn(&estimate.coefficients) <= LARGEST_TURN
             && self.carried(&unseen) <= UNSEEN * self.model.mass();
-        let departures = departures.unwrap_or([[f64::NAN; 2]; 3]);
+        let departures = departures.unwrap_or([[f64::NAN; 2]; 4]);
         let departs = departures.iter().any(|[found, limit]| found > limit);
         let within = chi_squared.is_none_or(|x| (chi_squared_range[0]..=chi_squared_range[1]).contains(&x));
         if status == ReconstructionStatus::Converged {

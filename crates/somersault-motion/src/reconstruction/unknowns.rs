@@ -56,9 +56,9 @@ impl Layout {
         Self { is_planar, axes, turns, has_scale, has_gravity, n_departures: 0, n_channels }
     }
 
-    /// The same with departures by all functions of time.
+    /// The same with departures by all functions of time, and with a scale.
     pub(super) fn with_departures(&self) -> Self {
-        Self { n_departures: N_FUNCTIONS, ..self.clone() }
+        Self { has_scale: true, n_departures: N_FUNCTIONS, ..self.clone() }
     }
 
     /// Coordinates of a point that count.

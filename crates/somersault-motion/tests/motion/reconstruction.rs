@@ -396,7 +396,7 @@ fn momentum_is_found_several_times_better_than_by_filters_and_differences() {
 }
 
 #[test]
-#[ignore = "long form of `momentum_is_found_several_times_better_than_by_filters_and_differences`, SECONDS1: `make studies` runs it"]
+#[ignore = "long form of `momentum_is_found_several_times_better_than_by_filters_and_differences`, 24 flights, 160 s: `make studies` runs it"]
 fn gains_over_filters_and_differences() {
     for diver in [Diver::planar(), Diver::spatial()] {
         let truth = dive(&diver);
@@ -407,6 +407,14 @@ fn gains_over_filters_and_differences() {
                 "{:?} {share}: momentum {momentum:.1}, mean {mean:.1}, inertia {inertia:.1}, angular velocity {rate:.1}",
                 diver.dimension
             );
+            // as documented; the usual way loses turns in space
+            let documented = if share == 0.0 { 26.0 } else { 6.0 };
+            if n == 10 {
+                assert!((momentum / documented - 1.0).abs() < 0.1);
+                assert!([inertia, rate].iter().all(|gain| (1.15..1.75).contains(gain)));
+            } else {
+                assert!(momentum > documented);
+            }
         }
     }
 }
@@ -415,7 +423,7 @@ fn gains_over_filters_and_differences() {
 fn coverage(truth: &Truth, n: u64) -> [f64; 3] {
     let set = markers(&truth.model);
     let (mut of_momentum, mut of_velocity, mut of_all) = (Vec::new(), Vec::new(), Vec::new());
-    let mut departures = [0.0; 3];
+    let mut departures = [0.0; 4];
     for seed in 100..100 + n {
         let seen = record(truth, &set, 0.03, 0.7, 0.02, seed);
         let flight = reconstruct(truth, &set, &seen, ReconstructionOptions::default());
@@ -434,22 +442,24 @@ fn coverage(truth: &Truth, n: u64) -> [f64; 3] {
         "momentum {:.3}, velocity {:.3}, all {:.3} of {n} flights, departures {departures:.2?} on average",
         found[0], found[1], found[2]
     );
+    // those of flights are by chance; that of the size is not tested where it is sought
+    assert!(departures[..3].iter().all(|x| (0.75..1.3).contains(x)) && departures[3].is_nan());
     found
 }
 
 #[test]
-#[ignore = "a study of 60 flights"]
+#[ignore = "long form of `flights_of_balls_and_hinges_are_recovered_within_their_intervals`, 60 flights, 150 s: `make studies` runs it"]
 fn intervals_of_dives_hold_the_truth_as_often_as_documented() {
     let [momentum, velocity, all] = coverage(&dive(&Diver::planar()), 60);
     // as often as they say but for the momentum, whose intervals are too short by a fifth
-    assert!(velocity > 0.88 && all > 0.88 && momentum > 0.75);
+    assert!(velocity > 0.92 && all > 0.88 && momentum > 0.8);
 }
 
 #[test]
-#[ignore = "a study of 60 flights"]
+#[ignore = "long form of `flights_of_balls_and_hinges_are_recovered_within_their_intervals`, 60 flights, 40 s: `make studies` runs it"]
 fn intervals_of_balls_and_hinges_hold_the_truth_as_often_as_they_say() {
     let found = coverage(&gymnast(), 60);
-    assert!(found.iter().all(|x| *x > 0.88), "{found:?}");
+    assert!(found.iter().all(|x| *x > 0.93), "{found:?}");
 }
 
 #[test]
@@ -596,6 +606,16 @@ fn what_cannot_be_reconstructed_is_said_by_name() {
     assert_eq!(short, Err(ReconstructionError::TooFewFrames { least: 10, found: 6 }));
     let fine = run(ReconstructionOptions { knot_spacing: 1e-9, ..default() });
     assert!(matches!(fine, Err(ReconstructionError::TooManyUnknowns { limit: 3000, .. })));
+    let long = |n: usize, rate: f64, options| {
+        let frame: Vec<_> = seen.frames().next().unwrap().to_vec();
+        let times = (0..n).map(|i| i as f64 / rate).collect();
+        let recording = MarkerRecording::try_new(seen.names().to_vec(), times, frame.repeat(n)).unwrap();
+        FlightReconstruction::try_new(&truth.model, set.clone(), options).unwrap().reconstruct(&recording)
+    };
+    let slow = long(12, 0.1, ReconstructionOptions { knot_spacing: 1e9, ..default() }).unwrap_err();
+    assert_eq!(slow.to_string(), "`duration of the flight` must be at most 100 s, found 110");
+    let many = long(30_000, 1000.0, ReconstructionOptions { knot_spacing: 0.3, ..default() });
+    assert_eq!(many, Err(ReconstructionError::TooManyFrames { found: 30_000, limit: 24_271 }));
     let names = (0..seen.n_markers()).map(|k| format!("other {k}")).collect();
     let points = seen.frames().flatten().copied().collect();
     let other = MarkerRecording::try_new(names, truth.times.clone(), points).unwrap();

@@ -260,10 +260,11 @@ value! {
         chi_squared_range: (f64, f64) = |own| own.flight.chi_squared_range.into();
         /// tuple of float: χ² per degree of freedom of departures from the laws of flight over the whole flight, in its first 0.08 s and in its
         /// last: about 1 where these hold, more where an angular momentum that varies, or a centre of mass that leaves its parabola, fits better:
-        /// over the whole by polynomials of time of degrees 3 and 4. NaN where the markers do not determine them.
-        departures: (f64, f64, f64) = |own| own.flight.departures.into();
+        /// over the whole by polynomials of time of degrees 3 and 4. The last number is that of the size, where it was given. NaN where the
+        /// markers do not determine them, and for a size that was sought.
+        departures: (f64, f64, f64, f64) = |own| own.flight.departures.into();
         /// tuple of float: What each must not exceed.
-        departure_limits: (f64, f64, f64) = |own| own.flight.departure_limits.into();
+        departure_limits: (f64, f64, f64, f64) = |own| own.flight.departure_limits.into();
         /// float: Largest angle to the orientations that the full equations of motion lead to from the first frame on, joints prescribed, rad.
         full_dynamics_defect: f64 = |own| own.flight.full_dynamics_defect;
         /// int: Iterations made.
@@ -437,16 +438,17 @@ impl ReconstructedFlight {
 type Numbers = ([f64; 2], [f64; 2], f64, [f64; 2], (f64, f64, f64));
 
 /// χ², its range, departures and their limits, defect, joints that are not seen, iterations.
-type Checks = (Option<f64>, [f64; 2], [[f64; 3]; 2], f64, Vec<usize>, usize);
+type Checks = (Option<f64>, [f64; 2], [[f64; 4]; 2], f64, Vec<usize>, usize);
 
 /// When a flight departs from its laws, and why.
-const DEPARTURES: [(&str, &str); 3] = [
+const DEPARTURES: [(&str, &str); 4] = [
     (
         "over the whole flight",
         "the rate or the unit is wrong, something pushes the body, or its mass is distributed otherwise",
     ),
     ("at the start", "its first frames are no flight"),
     ("at the end", "its last frames are no flight"),
+    ("for the size", "the body is larger or smaller than `scale` says"),
 ];
 
 /// Numbers of a frame beside those whose count depends on the model.
