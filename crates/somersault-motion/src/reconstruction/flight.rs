@@ -125,8 +125,8 @@ pub struct ReconstructedFlight {
 pub(super) const AGREEMENT: f64 = 1e-3;
 
 impl ReconstructedFlight {
-    /// Whether the search converged, the covariance is finite, χ² per degree of freedom is known and within its range, and the full
-    /// equations of motion confirm the flight.
+    /// Whether the search converged, the covariance is finite, χ² per degree of freedom is known and within its range, departures are
+    /// within their limits, and the full equations of motion confirm the flight.
     pub fn success(&self) -> bool {
         self.status == ReconstructionStatus::Converged && self.chi_squared.is_some()
     }

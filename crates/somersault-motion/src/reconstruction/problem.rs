@@ -157,7 +157,14 @@ impl FlightReconstruction {
             let reference = fits.reference(&times, fraction);
             let observed = Observed { times: times.clone(), reference, points: points.clone() };
             let flight = self.beginning_at(&fits, &observed, n_intervals as usize, token)?;
-            if flight.status == ReconstructionStatus::Converged {
+            let is_minimum = !matches!(
+                flight.status,
+                ReconstructionStatus::IterationLimit | ReconstructionStatus::NoProgress
+            );
+            let [lower, upper] = flight.chi_squared_range;
+            let fits = flight.chi_squared.is_some_and(|x| (lower..=upper).contains(&x));
+            // where residuals are those of the noise, no other start is a remedy
+            if flight.status == ReconstructionStatus::Converged || is_minimum && fits {
                 return Ok(flight);
             }
             let misfit = |flight: &ReconstructedFlight| flight.chi_squared.unwrap_or(flight.noise.size);
