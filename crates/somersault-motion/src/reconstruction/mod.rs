@@ -44,6 +44,7 @@ mod options;
 mod prior;
 mod problem;
 mod report;
+mod score;
 mod search;
 mod start;
 mod unknowns;
