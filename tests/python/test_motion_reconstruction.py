@@ -56,6 +56,8 @@ def test_the_flight_is_that_which_was_seen() -> None:
     lower, upper = found.chi_squared_range
     assert found.chi_squared is not None and lower < found.chi_squared < upper
     assert abs(found.noise[0] - 0.02) < 0.004 and found.full_dynamics_defect < 1e-3
+    assert all(d <= limit for d, limit in zip(found.departures[:3], found.departure_limits[:3], strict=True))
+    assert np.isnan(found.departures[3])
 
 
 def test_the_laws_of_flight_hold_exactly() -> None:
@@ -107,6 +109,24 @@ def test_what_is_no_flight_is_not_called_a_success() -> None:
     points = still.points + np.random.default_rng(1).normal(0.0, 0.01, still.points.shape)
     found = motion.reconstruct_flight(MARKERS, motion.MarkerRecording(still.names, still.times, points))
     assert not found.success and found.status == "misfit" and "must be from" in found.message
+
+
+def test_frames_before_take_off_are_found() -> None:
+    # the feet still push: 20 m/s² in the first 0.06 s
+    before = np.maximum(0.06 - seen().times, 0.0)
+    points = seen().points.copy()
+    points[..., 2] -= 10.0 * before[:, None] ** 2
+    pushed = motion.MarkerRecording(seen().names, seen().times, points, seen().present)
+    found = motion.reconstruct_flight(MARKERS, pushed, noise=0.02, scale=1.0)
+    assert found.status == "misfit" and found.departures[1] > found.departure_limits[1]
+    assert "at the start" in found.message and "its first frames are no flight" in found.message
+    assert motion.reconstruct_flight(MARKERS, pushed, noise=0.02, scale=1.0, interval=(0.06, 0.8)).success
+
+
+def test_a_wrong_size_is_found() -> None:
+    found = motion.reconstruct_flight(MARKERS, seen(), scale=1.06)
+    assert found.status == "misfit" and found.departures[3] > found.departure_limits[3]
+    assert "larger or smaller than `scale`" in found.message
 
 
 @pytest.mark.parametrize(

@@ -12,9 +12,9 @@
 //! 0.01  12.6           0.93
 //! ```
 //! Cells are separated by tabs, or by blanks where there is no tab. `nRows` and `nColumns`, or `datarows` and `datacolumns` of SIMM,
-//! must be those of what follows, where they are declared. Of the other lines of the header one counts, `inDegrees`: with `yes`, columns that are angles
-//! are converted to radians, and [`in_degrees`](Columns::in_degrees) names them. OpenSim decides by its model which these are; here they are all columns
-//! but those whose names say something else: translations (`_tx`, `_ty`, `_tz`), forces, points, torques, activations, lengths
+//! must be those of what follows, where they are declared. Keys that no program is known to write are listed as decisions. Of the other
+//! lines of the header one counts, `inDegrees`: with `yes`, columns that are angles are converted to radians, and
+//! [`in_degrees`](Columns::in_degrees) names them. OpenSim decides by its model which these are; here they are all columns but those whose names say something else: translations (`_tx`, `_ty`, `_tz`), forces, points, torques, activations, lengths
 //! and the like. Vectors of a column (`DataType=Vec3`, `Quaternion`, …) become columns with the endings `_1`, `_2`, ….
 //!
 //! Source: *OpenSim documentation*, Storage (.sto) and Motion (.mot) files, and `FileAdapter`s of opensim-core 4.5.
@@ -115,23 +115,54 @@ struct Header {
     width: usize,
 }
 
-impl Header {
-    fn line(&mut self, place: Place, line: &str) -> Result<(), ReadError> {
+/// What a line of the header says.
+enum Line<'a> {
+    Rows(&'a str),
+    Columns(&'a str),
+    Degrees(&'a str),
+    DataType(&'a str),
+    /// A title, a remark, or what programs say of themselves: the table does not depend on it.
+    Remark,
+    /// A key that no program is known to write.
+    Unknown(&'a str),
+}
+
+impl<'a> Line<'a> {
+    /// Keys that do not change what a table means.
+    const WITHOUT_EFFECT: [&'static str; 6] =
+        ["version", "opensimversion", "name", "range", "units", "description"];
+
+    fn of(line: &'a str) -> Self {
         let line = line.trim_matches([' ', '\t', '"', ',', ';', '\r']);
-        let found = line.split_once('=').or_else(|| line.split_once(char::is_whitespace));
-        let Some((key, value)) = found else { return Ok(()) };
-        let (key, value) = (key.trim().to_ascii_lowercase(), value.trim().trim_matches('"'));
-        match key.as_str() {
-            "nrows" | "datarows" => self.rows = Some((place, whole(place, value)?)),
-            "ncolumns" | "datacolumns" => self.columns = Some((place, whole(place, value)?)),
-            "indegrees" => {
+        let declared = line.split_once('=');
+        let Some((key, value)) = declared.or_else(|| line.split_once(char::is_whitespace)) else {
+            return Self::Remark;
+        };
+        let (key, value) = (key.trim(), value.trim().trim_matches('"'));
+        match key.to_ascii_lowercase().as_str() {
+            "nrows" | "datarows" => Self::Rows(value),
+            "ncolumns" | "datacolumns" => Self::Columns(value),
+            "indegrees" => Self::Degrees(value),
+            "datatype" => Self::DataType(value),
+            known if declared.is_none() || Self::WITHOUT_EFFECT.contains(&known) => Self::Remark,
+            _ => Self::Unknown(key),
+        }
+    }
+}
+
+impl Header {
+    fn line(&mut self, place: Place, line: &str, repairs: &mut Repairs) -> Result<(), ReadError> {
+        match Line::of(line) {
+            Line::Rows(value) => self.rows = Some((place, whole(place, value)?)),
+            Line::Columns(value) => self.columns = Some((place, whole(place, value)?)),
+            Line::Degrees(value) => {
                 self.degrees = match value.to_ascii_lowercase().as_str() {
                     "yes" | "y" | "true" | "1" => Some(place),
                     "no" | "n" | "false" | "0" => None,
                     _ => return Err(unexpected(place, value, "yes or no")),
                 }
             }
-            "datatype" => {
+            Line::DataType(value) => {
                 self.width = match value.to_ascii_lowercase().as_str() {
                     "double" => 1,
                     "vec2" => 2,
@@ -147,8 +178,11 @@ impl Header {
                     }
                 }
             }
-            // versions, units and remarks of the programs that wrote the file: the table does not depend on them
-            _ => {}
+            Line::Remark => {}
+            Line::Unknown(key) => {
+                let key = super::shorten(key, 60);
+                repairs.decide(place, format!("`{key}` of the header is not known and is not used"));
+            }
         }
         Ok(())
     }
@@ -166,7 +200,7 @@ pub fn read_repaired(text: &str, repairs: &mut Repairs) -> Result<Columns, ReadE
         if is_end(line) {
             break;
         }
-        header.line(place, line)?;
+        header.line(place, line, repairs)?;
     }
     let full =
         |(_, line): &(Place, &str)| line.contains(|c: char| !c.is_whitespace() && c != ',' && c != '"');

@@ -4,6 +4,7 @@
 //! of [`somersault_multibody::flight::step`], whose derivatives are exact.
 
 use super::ReconstructionError;
+use super::departure;
 use super::joints::{ACTIVE, Channels, JointSplines};
 use super::unknowns::{Estimate, Layout};
 use nalgebra::{Matrix3, Matrix3xX, UnitQuaternion, Vector3};
@@ -89,6 +90,11 @@ pub(super) fn write_orientation(is_planar: bool, orientation: &UnitQuaternion<f6
     } else {
         q[3..7].copy_from_slice(orientation.coords.as_slice());
     }
+}
+
+/// The orientation of the root of a configuration.
+pub(super) fn read_orientation(is_planar: bool, q: &[f64]) -> UnitQuaternion<f64> {
+    if is_planar { so3::exp(&(Vector3::z() * q[2])) } else { so3::normalized_xyzw(&q[3..7]) }
 }
 
 impl Flown<'_> {
@@ -196,6 +202,13 @@ impl Flown<'_> {
             for (k, turn) in self.layout.momentum().zip(&self.layout.turns) {
                 let mut column = by.column_mut(k);
                 column += by_stage * (rate.by_momentum * turn);
+            }
+            for (number, momentum, _) in self.layout.departing() {
+                let [factor, _] = departure::function(self.splines, number, at);
+                for (k, turn) in momentum.zip(&self.layout.turns) {
+                    let mut column = by.column_mut(k);
+                    column += by_stage * (rate.by_momentum * turn) * factor;
+                }
             }
             self.add_channels(by, by_stage, rate, at, knots);
         }

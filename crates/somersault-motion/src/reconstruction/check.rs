@@ -13,6 +13,8 @@ use somersault_multibody::{Model, Split};
 
 /// Tolerance of the integration; the splines' third derivatives jump at the knots.
 const TOLERANCE: f64 = 1e-9;
+/// Steps of it, at most: those of the search are as many in the longest flight. What turns too fast for them is not confirmed.
+const MAX_STEPS: usize = 20_000;
 
 /// The largest angle, rad, between the orientations of `configurations` at `times` and those of the full equations of motion from
 /// the first of them, with velocity `v`, joints driven along the splines; infinite where these cannot be integrated.
@@ -35,7 +37,11 @@ pub(super) fn full_dynamics_defect(
     let system = TreeSystem::new(model, ()).driven(Split::all_but_root(model), drive)?;
     let start = model.state(&configurations[..n_q], v)?;
     let interval = (times[0], times[times.len() - 1]);
-    let control = Adaptive { max_step: splines.spacing(), ..Adaptive::with_tolerances(TOLERANCE, TOLERANCE) };
+    let control = Adaptive {
+        max_step: splines.spacing(),
+        max_steps: MAX_STEPS,
+        ..Adaptive::with_tolerances(TOLERANCE, TOLERANCE)
+    };
     let mut recorder = Recorder::new(interval.0, &start, 1).with_dense_output();
     let steps = Steps::adapted(interval, control);
     let run = Run::by_embedded_stepper(&system, &RungeKuttaMuntheKaas(Dop853), steps)

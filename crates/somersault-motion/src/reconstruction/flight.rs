@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 /// How a reconstruction ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum ReconstructionStatus {
-    /// The last step was shorter than a hundredth of a standard deviation.
+    /// The last step was shorter than a twentieth of a standard deviation.
     Converged,
     /// The iterations allowed were not enough; the estimate is the best of them.
     IterationLimit,
@@ -16,8 +16,8 @@ pub enum ReconstructionStatus {
     /// The Hessian of data and prior has no inverse, or joints that no marker sees carry more than a tenth of the mass: markers determine
     /// too little.
     Undetermined,
-    /// Residuals are not those that the noise, or the fits of single frames, allow: the laws of flight do not hold for
-    /// the recording with this model, rate, unit and interval.
+    /// Residuals are not those that the noise, or the fits of single frames, allow, or departures from the laws of flight fit clearly
+    /// better: the laws do not hold for the recording with this model, rate, unit and interval.
     Misfit,
     /// The full equations of motion lead elsewhere.
     NotConfirmed,
@@ -105,6 +105,13 @@ pub struct ReconstructedFlight {
     pub chi_squared: Option<f64>,
     /// Where it must lie.
     pub chi_squared_range: [f64; 2],
+    /// χ² per degree of freedom of departures from the laws of flight over the whole flight, in its first 0.08 s and in its last: about 1
+    /// where these hold, more where an angular momentum that varies, or a centre of mass that leaves its parabola, fits better: over the whole
+    /// by polynomials of time of degrees 3 and 4. The last number is that of the size, where it was given. NaN where the markers do not
+    /// determine them, and for a size that was sought.
+    pub departures: [f64; 4],
+    /// What each must not exceed.
+    pub departure_limits: [f64; 4],
     /// Largest angle to the orientations that the full equations of motion lead to, rad.
     pub full_dynamics_defect: f64,
     /// Numbers in v of the joints that no marker sees. They are taken to be near the posture of the start,
@@ -118,8 +125,8 @@ pub struct ReconstructedFlight {
 pub(super) const AGREEMENT: f64 = 1e-3;
 
 impl ReconstructedFlight {
-    /// Whether the search converged, the covariance is finite, χ² per degree of freedom is known and within its range, and the full
-    /// equations of motion confirm the flight.
+    /// Whether the search converged, the covariance is finite, χ² per degree of freedom is known and within its range, departures are
+    /// within their limits, and the full equations of motion confirm the flight.
     pub fn success(&self) -> bool {
         self.status == ReconstructionStatus::Converged && self.chi_squared.is_some()
     }

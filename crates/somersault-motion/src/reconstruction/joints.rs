@@ -93,6 +93,12 @@ impl JointSplines {
         self.duration / self.basis.n_intervals() as f64
     }
 
+    /// Time since the start and until the end, s.
+    pub(super) fn apart_from_ends(&self, t: f64) -> [f64; 2] {
+        let passed = t - self.start;
+        [passed, self.duration - passed]
+    }
+
     pub(super) fn channels(&self) -> Channels {
         Channels { value: vec![0.0; self.n_channels], rate: vec![0.0; self.n_channels] }
     }

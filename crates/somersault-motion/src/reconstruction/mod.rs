@@ -23,16 +23,19 @@
 //!
 //! **What is checked** by something that did not make it: the full equations of motion of the tree, joints prescribed, fly from
 //! the first frame to the last and must meet every orientation; residuals must be those that fits of single frames leave,
-//! which know no law of flight (χ² per degree of freedom); the covariance must be finite. Masses that are wrong are *not* seen: intervals
-//! hold for the given body.
+//! which know no law of flight (χ² per degree of freedom); no angular momentum that varies, and no centre of mass that leaves its
+//! parabola, may fit clearly better ([`ReconstructedFlight::departures`], the score test of C. R. Rao); the covariance must be finite.
+//! Small errors of the masses, and the drag of the air, are *not* seen: intervals hold for the given body in a vacuum.
 //!
 //! Cost: some 60 times O(m f (n d)²/2) for m markers in f frames, n knots and d degrees of freedom.
 //!
 //! Sources: M. R. Yeadon, J. Biomech. 23 (1990) 67 and 75, for bodies in flight; G. Wahba, *Spline Models for Observational
-//! Data*, SIAM 1990, for splines as priors; D. A. Harville, J. Am. Stat. Assoc. 72 (1977) 320, for restricted likelihood.
+//! Data*, SIAM 1990, for splines as priors; D. A. Harville, J. Am. Stat. Assoc. 72 (1977) 320, for restricted likelihood; C. R. Rao,
+//! Proc. Camb. Phil. Soc. 44 (1948) 50, for the score test.
 
 mod attitude;
 mod check;
+mod departure;
 mod flight;
 mod joints;
 mod noise;
@@ -40,6 +43,8 @@ mod normal;
 mod options;
 mod prior;
 mod problem;
+mod report;
+mod score;
 mod search;
 mod start;
 mod unknowns;
@@ -95,6 +100,14 @@ pub enum ReconstructionError {
         least: usize,
         /// Frames there are.
         found: usize,
+    },
+    /// The derivatives of so many frames take too much memory.
+    #[error("a flight whose joints have so many coefficients may have {limit} frames, found {found}")]
+    TooManyFrames {
+        /// Frames there are.
+        found: usize,
+        /// Frames allowed.
+        limit: usize,
     },
     /// Splines of so many knots take too much memory.
     #[error(

@@ -78,6 +78,13 @@ impl Whitening {
     }
 }
 
+/// The value per degree of freedom that χ² with `n` of them exceeds as often as a normal number exceeds `z` standard deviations, by
+/// E. B. Wilson and M. M. Hilferty.
+pub(super) fn chi_squared_quantile(n: usize, z: f64) -> f64 {
+    let spread = 2.0 / (9.0 * n as f64);
+    (1.0 - spread + z * spread.sqrt()).powi(3)
+}
+
 /// The least fraction of the variance that is white: frames never repeat each other.
 const LEAST_WHITE: f64 = 1e-3;
 

@@ -2,6 +2,7 @@
 
 use super::ReconstructionError;
 use super::attitude::{Attitude, Flown, Room, turn_of};
+use super::departure;
 use super::joints::ACTIVE;
 use super::noise::{MarkerNoise, Whitening, whitening};
 use super::unknowns::{Estimate, Layout};
@@ -35,6 +36,12 @@ pub(super) struct Placed {
     pub(super) arms: Vec<Vector3<f64>>,
     /// Derivatives of the arms by the channels, marker by marker; empty if they were not requested.
     by_channel: Vec<Vector3<f64>>,
+}
+
+/// The flight at an estimate over a window.
+pub(super) struct Linearized {
+    pub(super) attitudes: Vec<Attitude>,
+    pub(super) placed: Vec<Placed>,
 }
 
 /// ½ of the squares as a quadratic function of the unknowns.
@@ -74,8 +81,28 @@ impl Kinematics {
 }
 
 impl Flown<'_> {
+    /// The flight over `frames` at `estimate`, with derivatives where there are `knots`.
+    pub(super) fn fly(
+        &self,
+        markers: &MarkerSet,
+        observed: &Observed,
+        estimate: &Estimate,
+        frames: &Range<usize>,
+        knots: Option<&Range<usize>>,
+        room: &mut Room,
+        kinematics: &mut Kinematics,
+    ) -> Result<Linearized, ReconstructionError> {
+        let times = &observed.times[frames.clone()];
+        let attitudes = self.attitudes(estimate, times, observed.reference - frames.start, knots, room)?;
+        let mut placed = Vec::with_capacity(times.len());
+        for (t, attitude) in times.iter().zip(&attitudes) {
+            placed.push(self.place(markers, estimate, *t, attitude, knots.is_some(), room, kinematics)?);
+        }
+        Ok(Linearized { attitudes, placed })
+    }
+
     /// Body and markers at `t`.
-    pub(super) fn place(
+    fn place(
         &self,
         markers: &MarkerSet,
         estimate: &Estimate,
@@ -147,8 +174,7 @@ impl Flown<'_> {
         estimate: &Estimate,
         frames: &Range<usize>,
         knots: Option<&Range<usize>>,
-        attitudes: &[Attitude],
-        placed: &[Placed],
+        Linearized { attitudes, placed }: &Linearized,
         trust: &Trust,
         noise: &MarkerNoise,
     ) -> Normal {
@@ -270,6 +296,10 @@ impl Flown<'_> {
         }
         if let Some(k) = layout.gravity() {
             out[k] += along.dot(self.model.gravity()) * (0.5 * t * t);
+        }
+        for (number, _, center) in layout.departing() {
+            let [_, factor] = departure::function(self.splines, number, time);
+            out[center.start + axis] += factor;
         }
         let acting = self.splines.acting(time, 0);
         let of_marker = &placed.by_channel[marker * n..(marker + 1) * n];

@@ -1,9 +1,9 @@
 //! The search: damped Gauss–Newton steps over a window of frames that grows from the reference, then over all frames, with the
 //! sizes of noise and second derivatives estimated in between.
 
-use super::attitude::{Attitude, Flown, Room};
+use super::attitude::{Flown, Room};
 use super::noise::MarkerNoise;
-use super::normal::{Kinematics, Normal, Observed, Placed, Trust};
+use super::normal::{Kinematics, Linearized, Normal, Observed, Placed, Trust};
 use super::prior::Prior;
 use super::unknowns::Estimate;
 use super::{ReconstructionError, ReconstructionStatus};
@@ -12,7 +12,6 @@ use faer::linalg::solvers::{DenseSolveCore, Llt, Solve};
 use faer::{Mat, Side};
 use nalgebra::DMatrix;
 use somersault_core::cancel::CancellationToken;
-use somersault_multibody::Model;
 use std::ops::Range;
 
 /// What is searched, with what is estimated beside the unknowns.
@@ -34,12 +33,6 @@ pub(super) struct Search<'a> {
     pub(super) iterations: usize,
 }
 
-/// The flight at an estimate over a window.
-pub(super) struct Linearized {
-    pub(super) attitudes: Vec<Attitude>,
-    pub(super) placed: Vec<Placed>,
-}
-
 /// How far the window grows at a time, s.
 const GROWTH: f64 = 0.1;
 /// Iterations in a window that still grows, and where its steps are small enough: half a standard deviation.
@@ -58,12 +51,12 @@ const ROUNDS: usize = 3;
 
 impl<'a> Search<'a> {
     /// Knots whose basis functions act within `frames`.
-    fn knots(&self, frames: &Range<usize>) -> Range<usize> {
+    pub(super) fn knots(&self, frames: &Range<usize>) -> Range<usize> {
         let at = |i: usize| self.flown.splines.acting(self.observed.times[i], 0).first;
         at(frames.start)..(at(frames.end - 1) + super::joints::ACTIVE).min(self.flown.splines.n_knots())
     }
 
-    fn all(&self) -> Range<usize> {
+    pub(super) fn all(&self) -> Range<usize> {
         0..self.observed.times.len()
     }
 
@@ -75,14 +68,7 @@ impl<'a> Search<'a> {
         knots: Option<&Range<usize>>,
     ) -> Result<Linearized, ReconstructionError> {
         let Self { flown, observed, room, kinematics, markers, .. } = self;
-        let times = &observed.times[frames.clone()];
-        let reference = observed.reference - frames.start;
-        let attitudes = flown.attitudes(estimate, times, reference, knots, room)?;
-        let mut placed = Vec::with_capacity(times.len());
-        for (t, attitude) in times.iter().zip(&attitudes) {
-            placed.push(flown.place(markers, estimate, *t, attitude, knots.is_some(), room, kinematics)?);
-        }
-        Ok(Linearized { attitudes, placed })
+        flown.fly(markers, observed, estimate, frames, knots, room, kinematics)
     }
 
     pub(super) fn normal(
@@ -93,9 +79,8 @@ impl<'a> Search<'a> {
         noise: &MarkerNoise,
         at: &Linearized,
     ) -> Normal {
-        let Linearized { attitudes, placed } = at;
         let Self { flown, markers, observed, trust, .. } = self;
-        flown.normal(markers, observed, estimate, frames, knots, attitudes, placed, trust, noise)
+        flown.normal(markers, observed, estimate, frames, knots, at, trust, noise)
     }
 
     /// Squares of residuals and of the prior.
@@ -111,7 +96,7 @@ impl<'a> Search<'a> {
         Ok(measured + self.prior.squares(self.flown.layout, self.flown.splines, estimate, knots))
     }
 
-    fn expect_not_cancelled(&self) -> Result<(), ReconstructionError> {
+    pub(super) fn expect_not_cancelled(&self) -> Result<(), ReconstructionError> {
         if self.token.is_cancelled() { Err(FitError::Interrupted.into()) } else { Ok(()) }
     }
 
@@ -367,7 +352,7 @@ impl<'a> Search<'a> {
 }
 
 /// The step that the damped quadratic model ends at, and twice by how much the model falls.
-fn damped_step(matrix: &Mat<f64>, gradient: &[f64], damping: f64) -> Option<(Vec<f64>, f64)> {
+pub(super) fn damped_step(matrix: &Mat<f64>, gradient: &[f64], damping: f64) -> Option<(Vec<f64>, f64)> {
     let n = gradient.len();
     let mut damped = matrix.clone();
     for i in 0..n {
@@ -381,20 +366,17 @@ fn damped_step(matrix: &Mat<f64>, gradient: &[f64], damping: f64) -> Option<(Vec
     step.iter().all(|x| x.is_finite()).then_some((step, decrement))
 }
 
-/// A model of which a search is made.
-pub(super) fn rooms(model: &Model, splines: &super::joints::JointSplines) -> (Room, Kinematics) {
-    (Room::new(model, splines), Kinematics::new(model))
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::departure::function;
     use super::super::joints::JointSplines;
     use super::super::unknowns::Layout;
     use super::*;
     use nalgebra::{Matrix3, UnitQuaternion, Vector3};
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
-    use somersault_multibody::{Joint, Link, MassProperties, ModelBuilder};
+    use somersault_core::lie::so3;
+    use somersault_multibody::{Joint, Link, MassProperties, Model, ModelBuilder};
 
     /// A body with an arm on a ball joint and a leg on a hinge.
     fn tree() -> Model {
@@ -436,7 +418,6 @@ mod tests {
             gravity: 0.9,
             coefficients: (0..7 * 4).map(|_| random(0.6)).collect(),
         };
-        let (room, kinematics) = rooms(&model, &splines);
         let token = CancellationToken::new();
         let mut search = Search {
             flown: Flown { model: &model, splines: &splines, layout: &layout },
@@ -448,8 +429,8 @@ mod tests {
             threshold: None,
             seen: vec![true; 4],
             estimate: estimate.clone(),
-            room,
-            kinematics,
+            room: Room::new(&model, &splines),
+            kinematics: Kinematics::new(&model),
             token: &token,
             iterations: 0,
         };
@@ -469,6 +450,48 @@ mod tests {
             let difference = (at(h) - at(-h)) / (4.0 * h);
             let scale = gradient[k].abs() + 1e-2 * matrix[(k, k)].sqrt();
             assert!((gradient[k] - difference).abs() < 1e-5 * scale, "{k}: {} {difference}", gradient[k]);
+        }
+    }
+
+    #[test]
+    fn departures_of_the_momentum_are_those_of_a_momentum_that_varies() {
+        let model = tree();
+        let splines = JointSplines::try_new(&model, &model.neutral(), (0.0, 0.2), 4).unwrap();
+        let layout = Layout::new(&model, &splines, false, false).with_departures();
+        let flown = Flown { model: &model, splines: &splines, layout: &layout };
+        let mut room = Room::new(&model, &splines);
+        let estimate = Estimate {
+            orientation: UnitQuaternion::from_euler_angles(0.3, -0.5, 0.9),
+            momentum: Vector3::new(3.0, 25.0, -2.0),
+            center: Vector3::zeros(),
+            velocity: Vector3::zeros(),
+            scale: 1.0,
+            gravity: 1.0,
+            coefficients: (0..7 * 4).map(|k| 0.5 * f64::from(k).sin()).collect(),
+        };
+        let times: Vec<f64> = (0..=80).map(|i| 0.0025 * f64::from(i)).collect();
+        let knots = 0..splines.n_knots();
+        let at = flown.attitudes(&estimate, &times, 0, Some(&knots), &mut room).unwrap();
+        let by = at[80].by_unknowns.as_ref().unwrap();
+        // interval by interval, each with the momentum of its middle
+        let mut end = |departure: Vector3<f64>, k: usize| {
+            let mut current = estimate.clone();
+            for pair in times.windows(2) {
+                let [factor, _] = function(&splines, k, 0.5 * (pair[0] + pair[1]));
+                current.momentum = estimate.momentum + departure * factor;
+                current.orientation =
+                    flown.attitudes(&current, pair, 0, None, &mut room).unwrap()[1].orientation;
+            }
+            current.orientation
+        };
+        let h = 1e-3;
+        for (number, momentum, _) in layout.departing() {
+            for (k, turn) in momentum.zip(&layout.turns) {
+                let [more, less] = [h, -h].map(|h| end(turn * h, number));
+                let difference = so3::log(&(less.inverse() * more)) / (2.0 * h);
+                let apart = (by.column(k) - difference).norm();
+                assert!(apart < 1e-3 * difference.norm(), "{number} {k}: {} {difference}", by.column(k));
+            }
         }
     }
 }

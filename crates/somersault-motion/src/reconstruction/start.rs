@@ -1,6 +1,8 @@
 //! Where a reconstruction begins: fits of single frames, which know no law of flight.
 
+use super::attitude::read_orientation;
 use super::joints::JointSplines;
+use super::noise::chi_squared_quantile;
 use super::normal::Observed;
 use super::unknowns::{Estimate, Layout};
 use super::{BodyScale, ReconstructionError, ReconstructionOptions};
@@ -127,9 +129,8 @@ impl FrameFits {
                     let residual = root + arm * frame.estimate.scale - point;
                     squares += marker.weight * layout.within(&residual).norm_squared();
                 }
-                // the median of χ² over its mean, by E. B. Wilson and M. M. Hilferty
-                let middle = (1.0 - 2.0 / (9.0 * over as f64)).powi(3);
-                found.push(squares / (over as f64 * middle));
+                let median = chi_squared_quantile(over, 0.0);
+                found.push(squares / (over as f64 * median));
                 n_over += over;
             }
         }
@@ -144,19 +145,12 @@ impl FrameFits {
         &self,
         model: &Model,
         splines: &JointSplines,
+        is_planar: bool,
         times: &[f64],
         reference: usize,
     ) -> Result<Estimate, ReconstructionError> {
         let q = self.configuration(reference);
-        let at = model.joint(0).map_or(0..0, |joint| joint.kind().orientation());
-        let orientation = |q: &[f64]| {
-            let numbers = &q[at.clone()];
-            if numbers.len() == 1 {
-                so3::exp(&(Vector3::z() * numbers[0]))
-            } else {
-                so3::normalized_xyzw(numbers)
-            }
-        };
+        let orientation = |q: &[f64]| read_orientation(is_planar, q);
         let near = |span: f64| {
             let is_near = move |i: &usize| (times[*i] - times[reference]).abs() <= span;
             (0..times.len()).filter(is_near).filter(|i| self.has_markers(*i))
@@ -172,7 +166,7 @@ impl FrameFits {
         let rate: Vector3<f64> = if squares > 0.0 { turned / squares } else { Vector3::zeros() };
         let mut v = vec![0.0; model.n_velocities()];
         let rates = model.velocities_of(0);
-        let angular = if at.len() == 1 { &rate.as_slice()[2..] } else { rate.as_slice() };
+        let angular = if is_planar { &rate.as_slice()[2..] } else { rate.as_slice() };
         v[rates.end - angular.len()..rates.end].copy_from_slice(angular);
         let mut data = Data::new(model);
         let momentum = model.centroidal(&mut data, q)?.momentum(&v)?.angular;

@@ -1,5 +1,6 @@
 //! What a reconstruction seeks, and where each unknown stands.
 
+use super::departure::N_FUNCTIONS;
 use super::joints::JointSplines;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use somersault_core::lie::so3;
@@ -24,7 +25,7 @@ pub(super) struct Estimate {
 }
 
 /// The places of the unknowns: displacement of the orientation in axes of the root, momentum, centre of mass and
-/// velocity along `axes`, scale, gravity, coefficients of the joints.
+/// velocity along `axes`, scale, gravity, departures from the laws of flight, coefficients of the joints.
 #[derive(Debug, Clone)]
 pub(super) struct Layout {
     pub(super) is_planar: bool,
@@ -34,6 +35,8 @@ pub(super) struct Layout {
     pub(super) turns: Vec<Vector3<f64>>,
     pub(super) has_scale: bool,
     pub(super) has_gravity: bool,
+    /// Functions of time by which momentum and centre of mass depart from the laws of flight: none in a search.
+    n_departures: usize,
     pub(super) n_channels: usize,
 }
 
@@ -49,7 +52,13 @@ impl Layout {
             let unit = vec![Vector3::x(), Vector3::y(), Vector3::z()];
             (unit.clone(), unit)
         };
-        Self { is_planar, axes, turns, has_scale, has_gravity, n_channels: splines.n_channels() }
+        let n_channels = splines.n_channels();
+        Self { is_planar, axes, turns, has_scale, has_gravity, n_departures: 0, n_channels }
+    }
+
+    /// The same with departures by all functions of time, and with a scale.
+    pub(super) fn with_departures(&self) -> Self {
+        Self { has_scale: true, n_departures: N_FUNCTIONS, ..self.clone() }
     }
 
     /// Coordinates of a point that count.
@@ -89,9 +98,24 @@ impl Layout {
         self.has_gravity.then(|| self.velocity().end + usize::from(self.has_scale))
     }
 
+    /// The places of all departures.
+    pub(super) fn departures(&self) -> Range<usize> {
+        let first = self.velocity().end + usize::from(self.has_scale) + usize::from(self.has_gravity);
+        first..first + self.n_departures * (self.turns.len() + self.axes.len())
+    }
+
+    /// For each function of time its number, and the places of the departures of momentum and centre of mass by it.
+    pub(super) fn departing(&self) -> impl Iterator<Item = (usize, Range<usize>, Range<usize>)> + '_ {
+        let (first, n, d) = (self.departures().start, self.turns.len(), self.axes.len());
+        (0..self.n_departures).map(move |k| {
+            let at = first + k * (n + d);
+            (k, at..at + n, at + n..at + n + d)
+        })
+    }
+
     /// Where the coefficients begin.
     pub(super) fn coefficients(&self) -> usize {
-        self.velocity().end + usize::from(self.has_scale) + usize::from(self.has_gravity)
+        self.departures().end
     }
 
     /// Number of unknowns with `n_knots` coefficients of each channel.

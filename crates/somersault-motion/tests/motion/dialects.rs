@@ -275,6 +275,10 @@ fn a_mot_is_read_and_degrees_become_radians() {
     // SIMM's header, blanks between cells, quotes and commas of spreadsheets
     let simm = "name jump.mot\ndatacolumns 2\ndatarows 2\nrange 0 0.1\nendheader\ntime knee\n0 1\n0.1 2\n";
     assert_eq!(channels(read(simm)).0.track("knee").unwrap().collect::<Vec<_>>(), [1.0, 2.0]);
+    // a key that no program is known to write is listed
+    let (_, repairs) = channels(read(&MOT.replace("inDegrees=yes", "inRadians=no")));
+    let [said] = &repairs[..] else { panic!("{repairs:?}") };
+    assert!(said.is_decision && said.place == Place::Line(5) && said.what.contains("`inRadians`"), "{said}");
     let sheet = "\"jump\",\nnRows=2,\nnColumns=2,\nendheader,\ntime,knee\n0,1\n0.1,2\n";
     let (found, _) = channels(repaired(sheet, 5, "cells are apart by commas"));
     assert_eq!(found.frame(1), Some(&[2.0][..]));
@@ -414,8 +418,16 @@ fn exports_of_motive_nexus_and_qtm_are_read() {
     assert_eq!(found.frame(1).unwrap()[1], None);
     assert_eq!(found.times(), [0.0, 0.008333]);
     assert!(repairs.iter().all(|repair| repair.is_decision), "{repairs:?}");
-    let (found, _) = markers(read(MOTIVE));
+    let (found, decisions) = markers(read(MOTIVE));
     assert_eq!(found.names(), ["Club", "Anna:HIP", "Anna:KNEE"]);
+    // a key that Motive is not known to write is listed, and places that are not those of the world are none of markers
+    let (same, listed) = markers(read(&MOTIVE.replacen("Take Name", "Lens Model", 1)));
+    assert_eq!((same.names(), listed.len()), (found.names(), decisions.len() + 1));
+    let said = listed.iter().find(|repair| repair.what.contains("`Lens Model`")).unwrap();
+    assert!(said.is_decision && said.place == Place::Line(1), "{said}");
+    let local = MOTIVE.replacen("Global", "Local", 1);
+    let refused = read_with(local.as_bytes(), &ReadOptions::default()).unwrap_err().to_string();
+    assert!(refused.contains("Local") && refused.contains("Global"), "{refused}");
     // a unit that the file declares counts, and that of the caller where it has none
     let centimetres = ReadOptions { unit: Some(LengthUnit::Centimetre), ..ReadOptions::default() };
     assert_eq!(markers(read_with(MOTIVE.as_bytes(), &centimetres).unwrap()).0.frame(0), found.frame(0));

@@ -314,12 +314,16 @@ fn zero_lag(values: &mut [f64], cut: f64, rate: f64) {
     values.copy_from_slice(&x[pad..pad + n]);
 }
 
-/// What is usual: fits of single frames at the known size, a filter without lag, differences.
-fn usual(truth: &Truth, set: &MarkerSet, seen: &MarkerRecording, cut: f64) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
+/// What is usual: fits of single frames at the known size, which are then `filtered` and differentiated.
+fn fits(truth: &Truth, set: &MarkerSet, seen: &MarkerRecording) -> Vec<Vec<f64>> {
     let options = FitOptions { scale: Scale::Fixed(SCALE), ..FitOptions::default() };
     let fit = MarkerFit::try_new(&truth.model, set.clone(), options).unwrap().fit(seen).unwrap();
+    fit.frames.iter().map(|frame| frame.estimate.q.clone()).collect()
+}
+
+/// Configurations behind a filter without lag, and their differences.
+fn filtered(truth: &Truth, mut q: Vec<Vec<f64>>, cut: f64) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
     let n = truth.times.len();
-    let mut q: Vec<Vec<f64>> = fit.frames.iter().map(|frame| frame.estimate.q.clone()).collect();
     for k in 0..q[0].len() {
         let mut channel: Vec<f64> = q.iter().map(|q| q[k]).collect();
         for i in 1..n {
@@ -357,8 +361,9 @@ fn errors(truth: &Truth, set: &MarkerSet, share: f64, seed: u64) -> [[f64; 4]; 2
         rms(flight.frames.iter().zip(&exact).map(|(f, exact)| (f.angular_velocity.value - exact.1).norm())),
     ];
     let mut of_usual = [f64::INFINITY; 4];
+    let postures = fits(truth, set, &seen);
     for cut in [6.0, 12.0] {
-        let (q, v) = usual(truth, set, &seen, cut);
+        let (q, v) = filtered(truth, postures.clone(), cut);
         let found: Vec<_> = q.iter().zip(&v).map(|(q, v)| mechanics(truth, q, v)).collect();
         let mean = found.iter().map(|found| found.0).sum::<Vector3<f64>>() / found.len() as f64;
         let of_cut = [
@@ -382,7 +387,7 @@ fn gains(truth: &Truth, share: f64, seeds: std::ops::Range<u64>) -> [f64; 4] {
 #[test]
 fn momentum_is_found_several_times_better_than_by_filters_and_differences() {
     let truth = dive(&Diver::planar());
-    let found = gains(&truth, 0.7, 2..4);
+    let found = gains(&truth, 0.7, 2..3);
     println!(
         "correlated: momentum {:.1}, mean {:.1}, inertia {:.1}, angular velocity {:.1}",
         found[0], found[1], found[2], found[3]
@@ -391,7 +396,7 @@ fn momentum_is_found_several_times_better_than_by_filters_and_differences() {
 }
 
 #[test]
-#[ignore = "a study of 24 flights"]
+#[ignore = "long form of `momentum_is_found_several_times_better_than_by_filters_and_differences`, 24 flights, 160 s: `make studies` runs it"]
 fn gains_over_filters_and_differences() {
     for diver in [Diver::planar(), Diver::spatial()] {
         let truth = dive(&diver);
@@ -402,6 +407,14 @@ fn gains_over_filters_and_differences() {
                 "{:?} {share}: momentum {momentum:.1}, mean {mean:.1}, inertia {inertia:.1}, angular velocity {rate:.1}",
                 diver.dimension
             );
+            // as documented; the usual way loses turns in space
+            let documented = if share == 0.0 { 26.0 } else { 6.0 };
+            if n == 10 {
+                assert!((momentum / documented - 1.0).abs() < 0.1);
+                assert!([inertia, rate].iter().all(|gain| (1.15..1.75).contains(gain)));
+            } else {
+                assert!(momentum > documented);
+            }
         }
     }
 }
@@ -410,6 +423,7 @@ fn gains_over_filters_and_differences() {
 fn coverage(truth: &Truth, n: u64) -> [f64; 3] {
     let set = markers(&truth.model);
     let (mut of_momentum, mut of_velocity, mut of_all) = (Vec::new(), Vec::new(), Vec::new());
+    let mut departures = [0.0; 4];
     for seed in 100..100 + n {
         let seen = record(truth, &set, 0.03, 0.7, 0.02, seed);
         let flight = reconstruct(truth, &set, &seen, ReconstructionOptions::default());
@@ -420,26 +434,32 @@ fn coverage(truth: &Truth, n: u64) -> [f64; 3] {
         of_momentum.extend_from_slice(&off[..n_momentum]);
         of_velocity.extend_from_slice(&off[n_momentum..n_momentum + n_velocity]);
         of_all.extend(off);
+        departures.iter_mut().zip(flight.departures).for_each(|(sum, x)| *sum += x / n as f64);
     }
     let within = |off: &[f64]| off.iter().filter(|z| **z < 1.96).count() as f64 / off.len() as f64;
     let found = [within(&of_momentum), within(&of_velocity), within(&of_all)];
-    println!("momentum {:.3}, velocity {:.3}, all {:.3} of {n} flights", found[0], found[1], found[2]);
+    println!(
+        "momentum {:.3}, velocity {:.3}, all {:.3} of {n} flights, departures {departures:.2?} on average",
+        found[0], found[1], found[2]
+    );
+    // those of flights are by chance; that of the size is not tested where it is sought
+    assert!(departures[..3].iter().all(|x| (0.75..1.3).contains(x)) && departures[3].is_nan());
     found
 }
 
 #[test]
-#[ignore = "a study of 60 flights"]
+#[ignore = "long form of `flights_of_balls_and_hinges_are_recovered_within_their_intervals`, 60 flights, 150 s: `make studies` runs it"]
 fn intervals_of_dives_hold_the_truth_as_often_as_documented() {
     let [momentum, velocity, all] = coverage(&dive(&Diver::planar()), 60);
     // as often as they say but for the momentum, whose intervals are too short by a fifth
-    assert!(velocity > 0.88 && all > 0.88 && momentum > 0.75);
+    assert!(velocity > 0.92 && all > 0.88 && momentum > 0.8);
 }
 
 #[test]
-#[ignore = "a study of 60 flights"]
+#[ignore = "long form of `flights_of_balls_and_hinges_are_recovered_within_their_intervals`, 60 flights, 40 s: `make studies` runs it"]
 fn intervals_of_balls_and_hinges_hold_the_truth_as_often_as_they_say() {
     let found = coverage(&gymnast(), 60);
-    assert!(found.iter().all(|x| *x > 0.88), "{found:?}");
+    assert!(found.iter().all(|x| *x > 0.93), "{found:?}");
 }
 
 #[test]
@@ -460,6 +480,50 @@ fn a_wrong_rate_is_a_misfit_and_is_found_by_gravity() {
     assert!((freed.gravity[0] / 1.44 - 1.0).abs() < 0.02 && freed.gravity[1] < 0.02, "{:?}", freed.gravity);
 }
 
+/// What something pushes: its centre of mass displaced and the body turned about it by functions of the time.
+fn pushed(
+    truth: &Truth,
+    seen: &MarkerRecording,
+    displaced: impl Fn(f64) -> Vector3<f64>,
+    turned: impl Fn(f64) -> Vector3<f64>,
+) -> MarkerRecording {
+    let mut data = Data::new(&truth.model);
+    let mut points = Vec::new();
+    for ((t, q), frame) in truth.times.iter().zip(&truth.q).zip(seen.frames()) {
+        let center = truth.model.positions(&mut data, q).unwrap().center_of_mass();
+        let turn = UnitQuaternion::from_scaled_axis(turned(*t));
+        points.extend(frame.iter().map(|p| p.map(|p| center + displaced(*t) + turn * (p - center))));
+    }
+    MarkerRecording::try_new(seen.names().to_vec(), truth.times.clone(), points).unwrap()
+}
+
+#[test]
+fn what_something_pushes_departs_from_the_laws_of_flight_where_it_does() {
+    let truth = gymnast();
+    let set = markers(&truth.model);
+    let seen = record(&truth, &set, 0.01, 0.0, 0.0, 3);
+    let cube = |t: f64| (2.0 * t - 1.0).powi(3);
+    let none = |_: f64| Vector3::zeros();
+    // 20 m/s² in the first and in the last 0.05 s
+    let early = |t: f64| Vector3::z() * (-0.5 * 20.0 * (0.05 - t).max(0.0).powi(2));
+    let late = |t: f64| Vector3::z() * (0.5 * 20.0 * (t - 0.95).max(0.0).powi(2));
+    let recordings = [
+        pushed(&truth, &seen, |t| Vector3::x() * (0.04 * cube(t)), none),
+        pushed(&truth, &seen, none, |t| Vector3::y() * (0.13 * cube(t))),
+        pushed(&truth, &seen, early, none),
+        pushed(&truth, &seen, late, none),
+    ];
+    for (k, (recording, at)) in recordings.iter().zip([0, 0, 1, 2]).enumerate() {
+        let flight = reconstruct(&truth, &set, recording, ReconstructionOptions::default());
+        let (found, limits) = (flight.departures, flight.departure_limits);
+        assert_eq!(flight.status, ReconstructionStatus::Misfit, "{k}: {found:?}");
+        // residuals alone do not say so
+        assert!(flight.chi_squared.unwrap() < flight.chi_squared_range[1], "{k}: {:?}", flight.chi_squared);
+        let largest = (0..3).max_by(|i, j| (found[*i] / limits[*i]).total_cmp(&(found[*j] / limits[*j])));
+        assert!(found[at] > limits[at] && largest == Some(at), "{k}: {found:?} {limits:?}");
+    }
+}
+
 #[test]
 fn outliers_are_trusted_less() {
     let truth = gymnast();
@@ -477,7 +541,8 @@ fn outliers_are_trusted_less() {
         let options = ReconstructionOptions {
             threshold,
             noise,
-            max_iterations: 20,
+            interval: Some((0.25, 0.75)),
+            max_iterations: 10,
             ..ReconstructionOptions::default()
         };
         (reconstruct(&truth, &set, &wrong, options).angular_momentum.value - truth.momentum).norm()
@@ -541,6 +606,16 @@ fn what_cannot_be_reconstructed_is_said_by_name() {
     assert_eq!(short, Err(ReconstructionError::TooFewFrames { least: 10, found: 6 }));
     let fine = run(ReconstructionOptions { knot_spacing: 1e-9, ..default() });
     assert!(matches!(fine, Err(ReconstructionError::TooManyUnknowns { limit: 3000, .. })));
+    let long = |n: usize, rate: f64, options| {
+        let frame: Vec<_> = seen.frames().next().unwrap().to_vec();
+        let times = (0..n).map(|i| i as f64 / rate).collect();
+        let recording = MarkerRecording::try_new(seen.names().to_vec(), times, frame.repeat(n)).unwrap();
+        FlightReconstruction::try_new(&truth.model, set.clone(), options).unwrap().reconstruct(&recording)
+    };
+    let slow = long(12, 0.1, ReconstructionOptions { knot_spacing: 1e9, ..default() }).unwrap_err();
+    assert_eq!(slow.to_string(), "`duration of the flight` must be at most 100 s, found 110");
+    let many = long(30_000, 1000.0, ReconstructionOptions { knot_spacing: 0.3, ..default() });
+    assert_eq!(many, Err(ReconstructionError::TooManyFrames { found: 30_000, limit: 24_271 }));
     let names = (0..seen.n_markers()).map(|k| format!("other {k}")).collect();
     let points = seen.frames().flatten().copied().collect();
     let other = MarkerRecording::try_new(names, truth.times.clone(), points).unwrap();

@@ -258,6 +258,13 @@ value! {
         chi_squared: Option<f64> = |own| own.flight.chi_squared;
         /// tuple of float: Where it must lie.
         chi_squared_range: (f64, f64) = |own| own.flight.chi_squared_range.into();
+        /// tuple of float: χ² per degree of freedom of departures from the laws of flight over the whole flight, in its first 0.08 s and in its
+        /// last: about 1 where these hold, more where an angular momentum that varies, or a centre of mass that leaves its parabola, fits better:
+        /// over the whole by polynomials of time of degrees 3 and 4. The last number is that of the size, where it was given. NaN where the
+        /// markers do not determine them, and for a size that was sought.
+        departures: (f64, f64, f64, f64) = |own| own.flight.departures.into();
+        /// tuple of float: What each must not exceed.
+        departure_limits: (f64, f64, f64, f64) = |own| own.flight.departure_limits.into();
         /// float: Largest angle to the orientations that the full equations of motion lead to from the first frame on, joints prescribed, rad.
         full_dynamics_defect: f64 = |own| own.flight.full_dynamics_defect;
         /// int: Iterations made.
@@ -266,8 +273,8 @@ value! {
         /// ``'undetermined'`` where markers determine too little, ``'misfit'`` where the laws of flight do not hold for the
         /// recording with this model, rate, unit and interval, ``'not_confirmed'`` where the full equations of motion lead elsewhere.
         status: &'static str = |own| name_of(&ReconstructionStatus::ALL, &own.flight.status);
-        /// bool: Whether the search converged, the covariance is finite, χ² per degree of freedom is known and within its range, and the
-        /// full equations of motion confirm the flight.
+        /// bool: Whether the search converged, the covariance is finite, χ² per degree of freedom is known and within its range, `departures` are
+        /// within their limits, and the full equations of motion confirm the flight.
         success: bool = |own| own.flight.success();
     }
 }
@@ -318,11 +325,17 @@ impl ReconstructedFlight {
             (ReconstructionStatus::IterationLimit, _) => "the iterations were not enough".to_owned(),
             (ReconstructionStatus::NoProgress, _) => "no step makes the residuals smaller".to_owned(),
             (ReconstructionStatus::Undetermined, _) => "the markers do not determine the flight".to_owned(),
-            (ReconstructionStatus::Misfit, x) => {
-                let x = x.unwrap_or(f64::NAN);
-                format!(
-                    "χ² per degree of freedom is {x:.2}, but must be from {lower:.2} to {upper:.2}: the interval is not all flight, the rate or the unit is wrong, markers are exchanged, or the body is another"
-                )
+            (ReconstructionStatus::Misfit, Some(x)) if !(lower..=upper).contains(&x) => format!(
+                "χ² per degree of freedom is {x:.2}, but must be from {lower:.2} to {upper:.2}: the interval is not all flight, the rate or the unit is wrong, markers are exchanged, or the body is another"
+            ),
+            (ReconstructionStatus::Misfit, _) => {
+                let all = flight.departures.iter().zip(&flight.departure_limits).zip(DEPARTURES);
+                let beyond =
+                    all.filter(|((found, limit), _)| found > limit).map(|((found, limit), (when, why))| {
+                        format!("is {found:.1} {when}, but must be at most {limit:.1}: {why}")
+                    });
+                let beyond = beyond.collect::<Vec<_>>().join("; it ");
+                format!("χ² per degree of freedom of departures from the laws of flight {beyond}")
             }
             (ReconstructionStatus::NotConfirmed, _) => format!(
                 "the full equations of motion lead to orientations that are up to {:.1e} rad away",
@@ -353,6 +366,7 @@ impl ReconstructedFlight {
         let checks = (
             flight.chi_squared,
             flight.chi_squared_range,
+            [flight.departures, flight.departure_limits],
             flight.full_dynamics_defect,
             flight.unseen.clone(),
             flight.iterations,
@@ -374,7 +388,8 @@ impl ReconstructedFlight {
         covariance: &Bound<'_, PyAny>,
     ) -> Result<Self, Error> {
         let (scale, gravity, height, turns_deviation, (size, correlated, time)) = numbers;
-        let (chi_squared, chi_squared_range, full_dynamics_defect, unseen, iterations) = checks;
+        let (chi_squared, chi_squared_range, departures, full_dynamics_defect, unseen, iterations) = checks;
+        let [departures, departure_limits] = departures;
         let rows = matrix("frames", frames)?;
         let frames = rows.row_iter().map(|row| {
             let row: Vec<f64> = row.iter().copied().collect();
@@ -397,6 +412,8 @@ impl ReconstructedFlight {
             noise: MarkerNoise { size, correlated, time },
             chi_squared,
             chi_squared_range,
+            departures,
+            departure_limits,
             full_dynamics_defect,
             unseen,
             iterations,
@@ -420,8 +437,19 @@ impl ReconstructedFlight {
 /// Scale, gravity, height, deviations of the turns, noise.
 type Numbers = ([f64; 2], [f64; 2], f64, [f64; 2], (f64, f64, f64));
 
-/// χ², its range, defect, joints that are not seen, iterations.
-type Checks = (Option<f64>, [f64; 2], f64, Vec<usize>, usize);
+/// χ², its range, departures and their limits, defect, joints that are not seen, iterations.
+type Checks = (Option<f64>, [f64; 2], [[f64; 4]; 2], f64, Vec<usize>, usize);
+
+/// When a flight departs from its laws, and why.
+const DEPARTURES: [(&str, &str); 4] = [
+    (
+        "over the whole flight",
+        "the rate or the unit is wrong, something pushes the body, or its mass is distributed otherwise",
+    ),
+    ("at the start", "its first frames are no flight"),
+    ("at the end", "its last frames are no flight"),
+    ("for the size", "the body is larger or smaller than `scale` says"),
+];
 
 /// Numbers of a frame beside those whose count depends on the model.
 const N_OF_FRAME: usize = 24;

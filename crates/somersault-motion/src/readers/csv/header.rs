@@ -1,7 +1,7 @@
 //! What the columns of a table are, by the rows above its numbers.
 
 use super::Rows;
-use crate::readers::{Place, ReadError, Repairs, number_of_cell, unexpected};
+use crate::readers::{Place, ReadError, Repairs, number_of_cell, shorten, unexpected};
 use crate::recording::{Axis, LengthUnit};
 use ::csv::StringRecord;
 
@@ -9,6 +9,42 @@ use ::csv::StringRecord;
 const SECTIONS: [&str; 5] = ["trajectories", "model outputs", "devices", "joints", "segments"];
 /// Rows that a header may have.
 const MOST: usize = 40;
+
+/// What a header says by a key and the value after it.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Key {
+    Rate,
+    CaptureRate,
+    Unit,
+    /// That of Motive, whose y is up.
+    Version,
+    Space,
+}
+
+/// Keys of Motive that do not change what a table means: of the take, and of rotations, which markers have not.
+const WITHOUT_EFFECT: [&str; 7] = [
+    "take name",
+    "take notes",
+    "capture start time",
+    "capture start frame",
+    "total frames in take",
+    "total exported frames",
+    "rotation type",
+];
+
+impl Key {
+    fn of(cell: &str) -> Option<Self> {
+        const KEYS: [(&str, Key); 6] = [
+            ("export frame rate", Key::Rate),
+            ("frequency", Key::Rate),
+            ("capture frame rate", Key::CaptureRate),
+            ("length units", Key::Unit),
+            ("format version", Key::Version),
+            ("coordinate space", Key::Space),
+        ];
+        KEYS.iter().find(|(name, _)| cell.eq_ignore_ascii_case(name)).map(|(_, key)| *key)
+    }
+}
 
 /// What is in a table.
 pub(super) enum What {
@@ -244,21 +280,39 @@ impl Header {
     fn declared(&mut self, above: &[(Place, Vec<String>)], repairs: &mut Repairs) -> Result<(), ReadError> {
         for (k, (place, row)) in above.iter().enumerate() {
             for pair in row.windows(2) {
-                match pair[0].to_ascii_lowercase().as_str() {
-                    "export frame rate" | "frequency" => {
+                // cells that are no keys are values, or names of columns
+                let Some(key) = Key::of(&pair[0]) else { continue };
+                match key {
+                    Key::Rate => {
                         self.rate = Some(number_of_cell(*place, &pair[1], "frames a second", repairs)?);
                     }
-                    "capture frame rate" if self.rate.is_none() => {
-                        self.rate = Some(number_of_cell(*place, &pair[1], "frames a second", repairs)?);
+                    Key::CaptureRate => {
+                        let rate = number_of_cell(*place, &pair[1], "frames a second", repairs)?;
+                        self.rate = self.rate.or(Some(rate));
                     }
-                    "length units" => {
+                    Key::Unit => {
                         let unit = LengthUnit::from_name(&pair[1]);
                         self.unit =
                             Some(unit.ok_or_else(|| unexpected(*place, &pair[1], LengthUnit::NAMES))?);
                     }
-                    "format version" => self.up = Axis::PlusY,
-                    // the name and the time of the take, and how it was exported: the recording does not depend on them
-                    _ => {}
+                    Key::Version => self.up = Axis::PlusY,
+                    Key::Space => {
+                        if !pair[1].eq_ignore_ascii_case("global") {
+                            return Err(unexpected(*place, &pair[1], "Global, coordinates in the world"));
+                        }
+                    }
+                }
+            }
+            // Motive: keys and values take turns
+            if row.first().is_some_and(|cell| Key::of(cell) == Some(Key::Version)) {
+                let keys = row.iter().step_by(2).filter(|key| !key.is_empty());
+                let is_known = |key: &str| {
+                    Key::of(key).is_some()
+                        || WITHOUT_EFFECT.iter().any(|known| key.eq_ignore_ascii_case(known))
+                };
+                for key in keys.filter(|key| !is_known(key)) {
+                    let key = shorten(key, 60);
+                    repairs.decide(*place, format!("`{key}` of the header is not known and is not used"));
                 }
             }
             // Nexus: the rate stands alone below the name of the section
