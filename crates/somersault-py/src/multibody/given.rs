@@ -31,20 +31,22 @@ impl Given {
     ) -> Result<Self, Error> {
         let source = match value {
             None => Source::Numbers(vec![0.0; n]),
-            Some(value) if let Ok(profile) = value.cast::<TorqueProfile>() => {
-                let profile = profile.get().profile.clone();
-                let found = profile.values().nrows();
-                if found != n {
-                    return Err(Error::input(format!(
-                        "`{argument}` must have {n} joint forces, found a TorqueProfile of {found}"
-                    )));
+            Some(value) => match value.cast::<TorqueProfile>() {
+                Ok(profile) => {
+                    let profile = profile.get().profile.clone();
+                    let found = profile.values().nrows();
+                    if found != n {
+                        return Err(Error::input(format!(
+                            "`{argument}` must have {n} joint forces, found a TorqueProfile of {found}"
+                        )));
+                    }
+                    Source::Profile(profile)
                 }
-                Source::Profile(profile)
-            }
-            Some(value) if value.is_callable() => {
-                Source::Callable { callable: value.clone().unbind(), name: callable_name(value) }
-            }
-            Some(value) => Source::Numbers(finite_all(argument, with_shape(argument, &[n], value)?)?),
+                Err(_) if value.is_callable() => {
+                    Source::Callable { callable: value.clone().unbind(), name: callable_name(value) }
+                }
+                Err(_) => Source::Numbers(finite_all(argument, with_shape(argument, &[n], value)?)?),
+            },
         };
         Ok(Self { source, failure: failure.clone(), calls: AtomicU64::new(0) })
     }
