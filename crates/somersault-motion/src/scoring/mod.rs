@@ -9,7 +9,7 @@
 //! vectors in their principal components are mapped linearly, by least squares. How many components is decided
 //! by leave-one-out cross-validation on the components of all.
 //!
-//! Beside every score stands how far the motion is from the training motions ([`Score::distance`]).
+//! Every score has a prediction interval ([`Score::interval`]) and says how far the motion is from the training motions ([`Score::distance`]).
 //!
 //! How accurate that is, is measured by [`validate`]: every motion is scored by a model that has not seen it, in its
 //! bases and its number of components neither, with the correlation's interval and p-value and simple
@@ -19,13 +19,17 @@
 
 mod learnt;
 mod model;
+mod options;
+mod panel;
 mod regression;
 mod statistics;
 mod storage;
 mod validation;
 mod vector;
 
-pub use model::{Score, ScoringModel, ScoringOptions};
+pub use model::{Score, ScoringModel};
+pub use options::ScoringOptions;
+pub use panel::{PanelScore, panel_score};
 pub use statistics::{Correlation, ValidationOptions, pearson, spearman};
 pub use storage::StorageError;
 pub use validation::{Baseline, Validation, validate, validate_cancellable};

@@ -1,69 +1,13 @@
 //! From motions with scores to a score for a motion.
 
-use super::learnt::{self, Basis, Heading};
-use super::regression::ComponentScores;
+use super::learnt::{self, Basis, Heading, Unseen};
+use super::options::ScoringOptions;
+use super::regression::Regression;
 use super::vector::Normalized;
 use super::{Features, Performance, ScoringError, VectorOptions};
 use crate::analysis::Pca;
 use nalgebra::DMatrix;
-use somersault_core::argument::{ArgumentError, expect_least, expect_length, expect_squarable};
-
-/// Choices for a scoring model.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ScoringOptions {
-    /// What a motion's vector has.
-    pub vector: VectorOptions,
-    /// Components of the second PCA; none lets cross-validation choose.
-    pub n_components: Option<usize>,
-    /// The most that cross-validation may choose.
-    pub max_components: usize,
-    /// Least and greatest score there is. What is learnt from must be within; what is predicted may not be.
-    pub scale: [f64; 2],
-}
-
-impl ScoringOptions {
-    /// The vector of the thesis; components by cross-validation, at most five; scores from 0 to 10, as in diving.
-    pub fn thesis() -> Self {
-        Self { vector: VectorOptions::thesis(), n_components: None, max_components: 5, scale: [0.0, 10.0] }
-    }
-
-    /// Fails unless the scale is one and all scores are on it.
-    pub fn expect_scale(&self, scores: &[f64]) -> Result<(), ScoringError> {
-        let [least, greatest] = self.scale;
-        if !(least < greatest && least.is_finite() && greatest.is_finite()) {
-            return Err(ScoringError::Scale { least, greatest });
-        }
-        match scores.iter().position(|score| !(least..=greatest).contains(score)) {
-            Some(motion) => {
-                Err(ScoringError::OutsideScale { motion, found: scores[motion], least, greatest })
-            }
-            None => Ok(()),
-        }
-    }
-
-    /// Fails unless every motion has a score, and there are as many as `least` beside the components.
-    pub(super) fn check(&self, n_motions: usize, scores: &[f64], least: usize) -> Result<(), ScoringError> {
-        let argument = if self.n_components.is_some() { "n_components" } else { "max_components" };
-        for (argument, found) in [
-            (argument, self.most()),
-            ("n_frames", self.vector.n_frames),
-            ("n_eigenweights", self.vector.n_eigenweights),
-        ] {
-            if found == 0 {
-                return Err(ArgumentError::OutOfRange { argument, allowed: "at least 1", found: 0.0 }.into());
-            }
-        }
-        expect_least("motions", n_motions, self.most().saturating_add(least))?;
-        expect_length("scores", scores.len(), n_motions)?;
-        expect_squarable("scores", scores)?;
-        self.expect_scale(scores)
-    }
-
-    /// The most components that are requested.
-    pub(super) fn most(&self) -> usize {
-        self.n_components.unwrap_or(self.max_components)
-    }
-}
+use somersault_core::argument::{expect_least, expect_range};
 
 /// What a model was taught.
 #[derive(Debug, Clone, PartialEq)]
@@ -72,17 +16,23 @@ pub(super) struct Learnt {
     pub(super) vectors: DMatrix<f64>,
     /// Their distances to the others, each left out.
     pub(super) distances: Vec<f64>,
+    /// Their scores less predictions of models that have not seen them.
+    pub(super) errors: Vec<f64>,
     /// Their scores.
     pub(super) scores: Vec<f64>,
     /// Least and greatest size of markers, m.
     pub(super) sizes: [f64; 2],
 }
 
-/// A score, and how far the motion is from the training motions.
+/// A score with its interval, and how far the motion is from the training motions.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Score {
     /// The score. It may be beyond the scale, since the regression is a straight line.
     pub value: f64,
+    /// Prediction interval: where the judge's score of a motion like the training motions lies with the probability requested, on
+    /// average over such motions. As wide as the errors of the training motions by models that have not seen them; infinite where
+    /// there are too few of them, fewer than 19 at 95 %.
+    pub interval: [f64; 2],
     /// Distance of the motion to the nearest training motion, over the greatest such distance among the training motions, each
     /// left out in turn.
     pub distance: f64,
@@ -105,10 +55,8 @@ pub struct ScoringModel {
     pub(super) heading: Heading,
     /// The first PCA, of all frames.
     pub(super) eigenpostures: Pca,
-    /// The second PCA, of the motions' vectors.
-    pub(super) eigenmotions: Pca,
-    pub(super) intercept: f64,
-    pub(super) coefficients: Vec<f64>,
+    /// Of the scores over the second PCA, of the motions' vectors.
+    pub(super) regression: Regression,
     pub(super) scale: [f64; 2],
     pub(super) learnt: Learnt,
     pub(super) synthetic: bool,
@@ -127,36 +75,37 @@ impl ScoringModel {
         let sizes = learnt::sizes(features.kind, &motions_at)?;
         let basis = Basis::of(features.kind, &motions_at, &options.vector, |_| false)?;
         let vectors = basis.describe(&options.vector, &motions_at)?.vectors;
-        let distances = learnt::distances(features.kind, &motions_at, &options.vector)?;
-        let eigenmotions = Pca::fit(&vectors, options.most())?;
-        let components = ComponentScores::of(&eigenmotions, &vectors)?;
-        let n_components = options.n_components.unwrap_or_else(|| components.choose(scores));
-        let mut coefficients = components.coefficients(scores);
-        coefficients.truncate(n_components);
+        let Unseen { distances, errors } = Unseen::of(features.kind, &motions_at, scores, options)?;
+        let regression = Regression::of(&vectors, scores, options)?;
         Ok(Self {
             vector: options.vector,
             features,
             heading: basis.heading,
             eigenpostures: basis.eigenpostures,
-            eigenmotions: eigenmotions.truncated(n_components),
-            intercept: components.mean(scores),
-            coefficients,
+            regression,
             scale: options.scale,
-            learnt: Learnt { vectors, distances, scores: scores.to_vec(), sizes },
+            learnt: Learnt { vectors, distances, errors, scores: scores.to_vec(), sizes },
             synthetic: motions.iter().any(Performance::is_synthetic),
         })
     }
 
-    /// The score of a motion, which must have the features learnt, by name. Fails where its markers are more than twice as far apart
-    /// as the training motions, or less than half: they are in another unit.
+    /// The score of a motion with its interval of 95 %, see [`score_at_level`](Self::score_at_level).
     pub fn score(&self, motion: &Performance) -> Result<Score, ScoringError> {
+        self.score_at_level(motion, 0.95)
+    }
+
+    /// The score of a motion, which must have the features learnt, by name, with a prediction interval of `level`, between 0 and 1. Fails
+    /// where its markers are more than twice as far apart as the training motions, or less than half: they are in another unit.
+    pub fn score_at_level(&self, motion: &Performance, level: f64) -> Result<Score, ScoringError> {
+        expect_range("level", level, "between 0 and 1", |level| level > 0.0 && level < 1.0)?;
         let motion = motion.normalized(&self.features, self.vector.n_frames)?;
         learnt::expect_size(self.features.kind, &motion, None, self.learnt.sizes)?;
         let (vector, rest) = self.vector.vector(&self.eigenpostures, &self.heading.turned(&motion))?;
-        let weights = self.eigenmotions.scores(&DMatrix::from_rows(std::slice::from_ref(&vector)))?;
-        let value = self.intercept + weights.iter().zip(&self.coefficients).map(|(s, b)| s * b).sum::<f64>();
+        let value = self.regression.predict(&DMatrix::from_rows(std::slice::from_ref(&vector)))?[0];
         let nearest = learnt::distance(&vector, rest, &self.learnt.vectors, |_| true);
-        Ok(Score { value, distance: nearest / learnt::greatest(&self.learnt.distances) })
+        let width = learnt::half_width(&self.learnt.errors, level);
+        let distance = nearest / learnt::greatest(&self.learnt.distances);
+        Ok(Score { value, interval: [value - width, value + width], distance })
     }
 
     /// What the numbers of a posture are, and their names.
@@ -186,17 +135,17 @@ impl ScoringModel {
 
     /// The basis of motions, the thesis' Eigendives.
     pub fn eigenmotions(&self) -> &Pca {
-        &self.eigenmotions
+        &self.regression.eigenmotions
     }
 
     /// What a unit of each Eigendive's weight adds to the score.
     pub fn coefficients(&self) -> &[f64] {
-        &self.coefficients
+        &self.regression.coefficients
     }
 
     /// The score of the mean motion.
     pub fn intercept(&self) -> f64 {
-        self.intercept
+        self.regression.intercept
     }
 
     /// Whether it has learnt from synthetic motions: then its scores say nothing about real ones.

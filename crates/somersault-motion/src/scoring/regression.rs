@@ -10,6 +10,7 @@
 //! its weighted and centred part: a model without a motion, or of a resample, then costs O(n³) whatever the
 //! length of the vectors.
 
+use super::options::ScoringOptions;
 use crate::analysis::{AnalysisError, Pca};
 use nalgebra::{DMatrix, SymmetricEigen};
 
@@ -84,6 +85,44 @@ impl ComponentScores {
             }
         }
         best.1
+    }
+}
+
+/// Scores over the principal components of motions' vectors, each counted once.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Regression {
+    /// The components.
+    pub(super) eigenmotions: Pca,
+    /// The mean of the scores.
+    pub(super) intercept: f64,
+    /// b.
+    pub(super) coefficients: Vec<f64>,
+}
+
+impl Regression {
+    /// Of the components requested, or as many as cross-validation chooses, but two less than motions at most.
+    pub(super) fn of(
+        vectors: &DMatrix<f64>,
+        scores: &[f64],
+        options: &ScoringOptions,
+    ) -> Result<Self, AnalysisError> {
+        let most = options.most().min(vectors.nrows().saturating_sub(2)).max(1);
+        let eigenmotions = Pca::fit(vectors, most)?;
+        let components = ComponentScores::of(&eigenmotions, vectors)?;
+        let n_components = options.n_components.unwrap_or_else(|| components.choose(scores));
+        let mut coefficients = components.coefficients(scores);
+        coefficients.truncate(n_components);
+        let eigenmotions = eigenmotions.truncated(n_components);
+        Ok(Self { eigenmotions, intercept: components.mean(scores), coefficients })
+    }
+
+    /// The score of each row of `vectors`.
+    pub(super) fn predict(&self, vectors: &DMatrix<f64>) -> Result<Vec<f64>, AnalysisError> {
+        let weights = self.eigenmotions.scores(vectors)?;
+        let score = |weights: nalgebra::RowDVector<f64>| {
+            self.intercept + weights.iter().zip(&self.coefficients).map(|(s, b)| s * b).sum::<f64>()
+        };
+        Ok(weights.row_iter().map(|row| score(row.into_owned())).collect())
     }
 }
 

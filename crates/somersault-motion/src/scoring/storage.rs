@@ -2,7 +2,7 @@
 
 use super::learnt::Heading;
 use super::model::Learnt;
-use super::regression::ComponentScores;
+use super::regression::{ComponentScores, Regression};
 use super::{FeatureKind, Features, ScoringModel, ScoringOptions, VectorOptions};
 use crate::analysis::{AnalysisError, Pca};
 use crate::recording::expect_unique;
@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use somersault_core::argument::expect_length;
 
 const FORMAT: &str = "somersault scoring model";
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 /// What lengths and axes of a model are in, and where it faces.
 const CONVENTION: [&str; 3] = ["m", "z", "turned about z to the nearest to the reference"];
 /// Rounding of numbers that follow from others.
@@ -73,6 +73,8 @@ struct StoredLearnt {
     scores: Vec<f64>,
     /// Distances of the motions to the others.
     distances: Vec<f64>,
+    /// Scores less predictions of models that have not seen the motions.
+    errors: Vec<f64>,
     /// Least and greatest size of markers, m.
     sizes: [f64; 2],
     /// Motion by motion.
@@ -198,12 +200,13 @@ impl From<ScoringModel> for Stored {
             vector: model.vector,
             scale: model.scale,
             eigenpostures: (&model.eigenpostures).into(),
-            eigenmotions: (&model.eigenmotions).into(),
-            intercept: model.intercept,
-            coefficients: model.coefficients,
+            eigenmotions: (&model.regression.eigenmotions).into(),
+            intercept: model.regression.intercept,
+            coefficients: model.regression.coefficients,
             learnt: StoredLearnt {
                 scores: model.learnt.scores,
                 distances: model.learnt.distances,
+                errors: model.learnt.errors,
                 sizes: model.learnt.sizes,
                 vectors: rows_of(&model.learnt.vectors),
             },
@@ -238,19 +241,22 @@ impl TryFrom<Stored> for ScoringModel {
             postures: matrix("heading", &stored.heading.postures, (vector.n_frames, features.n_numbers()))?,
             path: matrix("heading", &stored.heading.path, (vector.n_frames, 3))?,
         };
-        let StoredLearnt { scores, distances, sizes, vectors } = stored.learnt;
+        let StoredLearnt { scores, distances, errors, sizes, vectors } = stored.learnt;
         let n = scores.len();
-        let learnt =
-            Learnt { vectors: matrix("vectors", &vectors, (n, vector.length()))?, distances, scores, sizes };
+        let learnt = Learnt {
+            vectors: matrix("vectors", &vectors, (n, vector.length()))?,
+            distances,
+            errors,
+            scores,
+            sizes,
+        };
         let (intercept, synthetic, scale) = (stored.intercept, stored.synthetic, stored.scale);
         let model = Self {
             vector,
             features,
             heading,
             eigenpostures,
-            eigenmotions,
-            intercept,
-            coefficients,
+            regression: Regression { eigenmotions, intercept, coefficients },
             scale,
             learnt,
             synthetic,
@@ -268,9 +274,14 @@ impl ScoringModel {
     /// Fails unless what follows from the training motions does: means, components and coefficients, by the formulas by which they were
     /// found.
     fn expect_sense(&self) -> Result<(), StorageError> {
-        let Learnt { vectors, distances, scores, sizes } = &self.learnt;
+        let Learnt { vectors, distances, errors, scores, sizes } = &self.learnt;
+        let Regression { eigenmotions, intercept, coefficients } = &self.regression;
         let n = scores.len();
         expect_length("distances", distances.len(), n).map_err(AnalysisError::from)?;
+        expect_length("errors", errors.len(), n).map_err(AnalysisError::from)?;
+        if !errors.iter().all(|error| error.is_finite()) {
+            return sense("errors", "finite");
+        }
         if !distances.iter().all(|d| *d >= 0.0 && d.is_finite()) {
             return sense("distances", "finite and not negative");
         }
@@ -282,23 +293,23 @@ impl ScoringModel {
         if scale.expect_scale(scores).is_err() {
             return sense("scores", "within the scale, whose ends grow");
         }
-        if self.eigenmotions.n_samples() != n || self.eigenpostures.n_samples() != n * self.vector.n_frames {
+        if eigenmotions.n_samples() != n || self.eigenpostures.n_samples() != n * self.vector.n_frames {
             return sense("n_samples", "the number of motions, and of their frames");
         }
         let mean = vectors.row_mean().transpose();
         let size = vectors.amax();
-        if (mean - self.eigenmotions.mean()).amax() > ROUNDING * size {
+        if (mean - eigenmotions.mean()).amax() > ROUNDING * size {
             return sense("eigenmotions.mean", "the mean of the vectors");
         }
-        let components = ComponentScores::of(&self.eigenmotions, vectors)?;
+        let components = ComponentScores::of(eigenmotions, vectors)?;
         let expected = components.coefficients(scores);
         let near = |found: f64, expected: f64, of: f64| (found - expected).abs() <= ROUNDING * of;
         let width = self.scale[1] - self.scale[0];
-        if !near(self.intercept, components.mean(scores), self.scale[0].abs().max(width)) {
+        if !near(*intercept, components.mean(scores), self.scale[0].abs().max(width)) {
             return sense("intercept", "the mean of the scores");
         }
-        let deviations = self.eigenmotions.explained_variance().iter().map(|v| v.sqrt());
-        let mut all = self.coefficients.iter().zip(&expected).zip(deviations);
+        let deviations = eigenmotions.explained_variance().iter().map(|v| v.sqrt());
+        let mut all = coefficients.iter().zip(&expected).zip(deviations);
         // what a deviation of a component is worth in points
         if !all.all(|((found, expected), deviation)| near(found * deviation, expected * deviation, width)) {
             return sense("coefficients", "those of the regression of the scores on the vectors");

@@ -51,7 +51,7 @@ pub(crate) mod module {
     #[pymodule_export]
     use crate::motion::repair::Repair;
     #[pymodule_export]
-    use crate::motion::scoring::{Performance, Score, ScoringModel, ScoringOptions};
+    use crate::motion::scoring::{Performance, Score, ScoringModel, ScoringOptions, panel_score};
     #[pymodule_export]
     use crate::motion::skeleton::{Skeleton, SkeletonJoint, SkeletonRecording};
     #[pymodule_export]

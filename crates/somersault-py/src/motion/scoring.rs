@@ -288,7 +288,7 @@ impl ScoringOptions {
     }
 }
 
-/// A score, and how far the motion is from those that the model has learnt from.
+/// A score with its interval, and how far the motion is from those that the model has learnt from.
 #[pyclass(frozen, eq, module = "somersault.motion")]
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) struct Score {
@@ -299,6 +299,10 @@ value! {
     impl Score {
         /// float: The score. It may be beyond the scale, since the regression is a straight line.
         value: f64 = |own| own.score.value;
+        /// tuple of float: Prediction interval: where the judge's score of a motion like the training motions lies with the probability
+        /// requested, on average over such motions. As wide as the errors of the training motions by models that have not seen
+        /// them; infinite where there are too few of them, fewer than 19 at 95 %.
+        interval: (f64, f64) = |own| own.score.interval.into();
         /// float: Distance to the nearest training motion, over the greatest such distance among the training motions, each left out in
         /// turn. A motion like those n is beyond 1 with a chance of about 1/(n + 1).
         distance: f64 = |own| own.score.distance;
@@ -311,18 +315,23 @@ value! {
 #[pymethods]
 impl Score {
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
-        by_restore(slf, (slf.get().value(), slf.get().distance()))
+        by_restore(slf, (slf.get().value(), slf.get().interval(), slf.get().distance()))
     }
 
     /// A pickled score.
     #[classmethod]
-    fn _restore(_: &Bound<'_, PyType>, value: f64, distance: f64) -> Self {
-        Self { score: scoring::Score { value, distance } }
+    fn _restore(_: &Bound<'_, PyType>, value: f64, interval: (f64, f64), distance: f64) -> Self {
+        Self { score: scoring::Score { value, interval: interval.into(), distance } }
     }
 
     fn __repr__(&self) -> String {
         let outside = if self.inside() { "" } else { ", OUTSIDE of what was learnt" };
-        format!("<Score: {:.3} at a distance of {:.2}{outside}>", self.value(), self.distance())
+        let (lower, upper) = self.interval();
+        let distance = self.distance();
+        format!(
+            "<Score: {:.3} in [{lower:.3}, {upper:.3}] at a distance of {distance:.2}{outside}>",
+            self.value()
+        )
     }
 }
 
@@ -405,12 +414,14 @@ impl ScoringModel {
         Ok(Self { model })
     }
 
-    /// The score of a motion, and how far the motion is from the training motions.
+    /// The score of a motion with its prediction interval, and how far the motion is from the training motions.
     ///
     /// Parameters
     /// ----------
     /// motion : Performance
     ///     With the markers or coordinates learnt, found by name; what else it has is not used.
+    /// level : float, optional
+    ///     Probability with which the interval has the judge's score, between 0 and 1; 0.95 unless given.
     ///
     /// Returns
     /// -------
@@ -420,7 +431,7 @@ impl ScoringModel {
     /// ------
     /// InputError
     ///     If it lacks a name, or its markers are more than twice as far apart as the training motions or less than half: the unit is
-    ///     another.
+    ///     another. Also if `level` is not between 0 and 1.
     ///
     /// Examples
     /// --------
@@ -437,8 +448,9 @@ impl ScoringModel {
     /// >>> model = motion.ScoringModel([dive(opening) for opening in openings], 3.0 * openings, options)
     /// >>> model.score(dive(1.5)).inside, model.score(dive(9.0)).inside
     /// (True, False)
-    fn score(&self, motion: &Bound<'_, Performance>) -> Result<Score, Error> {
-        Ok(Score { score: self.model.score(&motion.get().performance)? })
+    #[pyo3(signature = (motion, *, level=0.95))]
+    fn score(&self, motion: &Bound<'_, Performance>, level: f64) -> Result<Score, Error> {
+        Ok(Score { score: self.model.score_at_level(&motion.get().performance, level)? })
     }
 
     /// Writes the model to a file of JSON, with all digits.
@@ -529,4 +541,47 @@ impl ScoringModel {
     fn from_json(text: &str) -> Result<Self, Error> {
         Ok(Self { model: scoring::ScoringModel::from_json(text)? })
     }
+}
+
+/// The points of a dive for the awards of its judges and its degree of difficulty.
+///
+/// Of seven judges the two highest and the two lowest awards are cancelled, of five the highest and the lowest, of three none; the sum of the
+/// others is multiplied by the difficulty.
+///
+/// Parameters
+/// ----------
+/// awards : array_like, shape (3,), (5,) or (7,)
+///     Half points from 0 to 10.
+/// difficulty : float
+///     Positive.
+///
+/// Returns
+/// -------
+/// points : float
+/// counts : tuple of bool
+///     Whether the award of each judge counts; of equal awards the first ones are cancelled.
+///
+/// Raises
+/// ------
+/// InputError
+///     If there are other numbers of judges, an award is no half point from 0 to 10, or the difficulty is not positive.
+///
+/// Notes
+/// -----
+/// Source: World Aquatics, Competition Regulations, diving.
+///
+/// Examples
+/// --------
+/// >>> from somersault import motion
+/// >>> motion.panel_score([7.0, 8.0, 7.5, 6.0, 7.0], 2.0)
+/// (43.0, (True, False, True, False, True))
+#[pyfunction]
+pub(crate) fn panel_score<'py>(
+    py: Python<'py>,
+    awards: &Bound<'py, PyAny>,
+    difficulty: f64,
+) -> Result<(f64, Bound<'py, PyTuple>), Error> {
+    let scoring::PanelScore { points, counts } =
+        scoring::panel_score(&real_numbers("awards", awards)?, difficulty)?;
+    Ok((points, PyTuple::new(py, counts)?))
 }
