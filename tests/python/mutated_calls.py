@@ -45,6 +45,7 @@ MODULES = (
         ".batch",
         ".contact",
         ".exact",
+        ".exam",
         ".expr",
         ".forces",
         ".ftla",

@@ -126,7 +126,7 @@ class _Somersault(_Engine):
 
     def law(self, scene: ExamScene) -> str | None:
         if any(touch.law == "rigid" for touch in scene.contacts):
-            return f"contact by a spring of {_STIFF:g} N/m"
+            return f"springs of {_STIFF:g} N/m in contacts"
         return None
 
     def run(self, scene: ExamScene, dt: float) -> Ended:

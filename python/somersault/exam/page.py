@@ -58,10 +58,11 @@ def _row(result: SceneResult) -> str:
     asked = scene(result.scene)
     orders = (result.orders.get(space) for space in ("R3", "SO3"))
     cells = "".join(f'<td class="n">{"" if order is None else f"{order:.1f}"}</td>' for order in orders)
-    distance = (
-        f"{result.distance['position']:.1e} m<br>{result.distance['orientation']:.1e} rad"
-        if result.distance
-        else ""
+    measures = {"R3": ("position", "m"), "SO3": ("orientation", "rad")}
+    distance = "<br>".join(
+        f"{result.distance[name]:.1e} {unit}"
+        for space, (name, unit) in measures.items()
+        if result.distance and space in asked.spaces
     )
     state = escape(result.status)
     return (

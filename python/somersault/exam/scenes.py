@@ -73,9 +73,18 @@ class SceneContact:
 
 @dataclass(frozen=True)
 class SceneGuard:
-    """When a mode of a scene ends: where `value(t, y)` falls through zero, `next` begins.
+    """When a mode of a scene ends.
 
-    `reset(y)` returns the state after it, where an impact changes velocities.
+    Attributes
+    ----------
+    event : str
+        What happens.
+    value : callable
+        ``value(t, y)`` falls through zero where the mode ends; y has 13 numbers for each body.
+    next : str
+        The mode that begins.
+    reset : callable or None
+        ``reset(y)`` has the state after it, where an impact changes velocities.
     """
 
     event: str
@@ -83,14 +92,31 @@ class SceneGuard:
     next: str
     reset: Callable[[Numbers], list[Any]] | None = None
 
+    def __repr__(self) -> str:
+        return f"<SceneGuard {self.event}, then {self.next}>"
+
 
 @dataclass(frozen=True)
 class SceneMode:
-    """Equations that hold between two events: `wrench(t, y)` has force and torque of each body."""
+    """The equations of a scene between two events.
+
+    Attributes
+    ----------
+    name : str
+        Its name.
+    wrench : callable
+        ``wrench(t, y)`` has for each body the force in world axes and the torque in body axes.
+    guards : tuple of SceneGuard
+        What ends it.
+    """
 
     name: str
     wrench: Callable[[Any, Numbers], Wrenches]
     guards: tuple[SceneGuard, ...] = ()
+
+    def __repr__(self) -> str:
+        until = ", ".join(guard.event for guard in self.guards)
+        return f"<SceneMode {self.name}{', until ' + until if until else ''}>"
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,6 +232,16 @@ class ExamScene:
         return float(np.linalg.norm(self.gradient) / np.linalg.norm(self.direction))
 
     @property
+    def spaces(self) -> tuple[str, ...]:
+        """On which spaces something moves: ``'R3'`` if a body does, ``'SO3'`` if one turns."""
+        parts = {"R3": slice(0, 3), "SO3": slice(3, 7)}
+        return tuple(
+            space
+            for space, part in parts.items()
+            if not np.array_equal(self.answer[:, part], self.y0[:, part])
+        )
+
+    @property
     def _held(self) -> dict[str, Any]:
         if self.varied_by:
             raise InputError(
@@ -237,7 +273,7 @@ class ExamScene:
         --------
         >>> from somersault import exam
         >>> rod = exam.scene("rod")
-        >>> [float(x) for x in rod.rate("free", 0.0, rod.y0.ravel())[10:]]
+        >>> [round(float(x), 12) for x in rod.rate("free", 0.0, rod.y0.ravel())[10:]]
         [9.9, -19.8, 0.0]
         """
         if mode not in self.modes:
