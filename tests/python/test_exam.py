@@ -689,17 +689,22 @@ def test_an_interrupted_audit_keeps_what_it_has() -> None:
     assert [result.scene for result in stopped.value.solution.results] == ["rod"]  # type: ignore[attr-defined]
 
 
-def test_this_library_agrees_with_the_answers() -> None:
-    report = exam.audit(exam.engine("somersault"), gradients=False)
-    for result in report.results:
-        scene = exam.scene(result.scene)
-        if result.status == "agrees":
-            assert max(result.distance.values()) < 3e-12 * max(1.0, scene.condition), result
-            assert result.events in (None, (len(scene.events),) * 2)
-        else:
-            assert (result.status == "not asked") == scene.by_modes_only
-            assert scene.group == "contact"
-    assert sum(result.status == "agrees" for result in report.results) == 13
+@pytest.mark.parametrize("name", NAMES)
+def test_this_library_agrees_with_the_answers(name: str) -> None:
+    """Ends and events, and derivatives by the variational equations with jumps at events."""
+    scene = exam.scene(name)
+    steps = [scene.default_step / 2, scene.default_step / 4]
+    found = exam.audit(exam.engine("somersault"), [name], steps)[name]
+    if any(touch.law == "rigid" for touch in scene.contacts):
+        # rigid contacts are stiff springs
+        assert found.status == "own law" and max(found.distance.values()) < 0.1
+    elif scene.by_modes_only:
+        assert found.status == "not asked"
+    else:
+        assert found.status == "agrees" and max(found.distance.values()) < 3e-12 * max(1.0, scene.condition)
+        assert found.events in (None, (len(scene.events),) * 2)
+        # a speed of 4e-4 m/s after one of 4 m/s is known to 1e-12 of itself, and divides
+        assert found.gradient_error < (2e-6 if name == "graze" else 3e-11)
 
 
 @pytest.mark.parametrize(
@@ -715,8 +720,11 @@ def test_adapters_state_the_scenes(name: str, module: str) -> None:
     pytest.importorskip(module, reason=f"{module} is not installed (extra `bench`)")
     scenes = ["plate"] if name.startswith("drake") else ["ball_torque", "pendulum"]
     report = exam.audit(exam.engine(name), scenes, gradients=False)
-    assert report.success, report.table()
-    assert len(report.versions) >= 2
+    assert report.success and len(report.versions) > 1, report.table()
+    if exam.engine(name).can(exam.scene("slide_to_roll")) is True and "heyoka" not in name:
+        soft = exam.audit(exam.engine(name), ["slide_to_roll", "two_balls"], [0.002, 0.001])
+        assert {result.status for result in soft.results} == {"own law"}
+        assert max(result.distance["position"] for result in soft.results) < 0.05
 
 
 def test_scipy_is_given_the_equations_and_their_events() -> None:
@@ -775,6 +783,8 @@ def test_a_report_is_read_by_people_and_programs(tmp_path: Path) -> None:
             lambda: exam.scene("rod").rate("heavy", 0.0, [0.0] * 13),
             "`mode` must be one of free, found 'heavy'",
         ),
+        (lambda: exam.scene("rod").rate("free", 0.0, [0.0] * 7), "`y` must have 13 numbers, found 7 of them"),
+        (lambda: exam.scene("rod").rate("free", 0.0, 1.0), "`y` must have 13 numbers, found a float"),
         (lambda: exam.audit(euler, ["top"]), "`scenes` must be among middle_axis"),
         (lambda: exam.audit(euler, 3), "`scenes` must be names, scenes or the name of a group, found a int"),
         (

@@ -148,7 +148,7 @@ class ExamReport:
 
     @property
     def success(self) -> bool:
-        """Whether the engine agrees with the answer of every scene that it can state, of which there is one."""
+        """Whether the engine can state a scene, and agrees with the answers of all that it can state."""
         asked = [result for result in self.results if result.status != "not asked"]
         return bool(asked) and all(result.status == "agrees" for result in asked)
 
@@ -251,8 +251,8 @@ def audit(
         ``can(scene)``, true or the reason why the scene cannot be stated; ``law(scene)``, the name of a law
         of its own by which it moves in place of the scene's, or None; ``default(scene)``, the step that it
         takes unless told otherwise; ``setting = 'tolerance'``, if it is run with tolerances in place of
-        steps; ``gradient(scene, dt)``, the derivative of the end as in `ExamScene.gradient`; ``name`` and
-        ``versions``.
+        steps; ``gradient(scene, dt)``, the derivative of the end as in `ExamScene.gradient`, or None;
+        ``name`` and ``versions``.
     scenes : sequence of str or ExamScene, or {'rotation', 'contact'}, optional
         Scenes, or those of a group; all unless given.
     steps : sequence of float, optional
@@ -496,8 +496,9 @@ def _event_error(events: tuple[float, ...] | None, scene: ExamScene) -> float:
 
 def _gradient_error(engine: Engine, run: Callable[..., Any], scene: ExamScene, step: float) -> float:
     exact = scene.gradient
-    if hasattr(engine, "gradient"):
-        found = np.array(engine.gradient(scene, step), dtype=float)
+    given = engine.gradient(scene, step) if hasattr(engine, "gradient") else None
+    if given is not None:
+        found = np.array(given, dtype=float)
         if found.shape != exact.shape:
             raise _Refused(f"its gradient has shape {found.shape}, and that of the scene {exact.shape}")
     else:

@@ -87,6 +87,9 @@ class _Engine:
         self.name = name
         self.versions = {package: importlib.metadata.version(package) for package in packages}
 
+    def can(self, scene: ExamScene) -> bool | str:
+        return True
+
     def __repr__(self) -> str:
         return f"<exam.engine {self.name}>"
 
@@ -130,38 +133,7 @@ class _Somersault(_Engine):
         return None
 
     def run(self, scene: ExamScene, dt: float) -> Ended:
-        acting: list[Any] = []
-        states = list(scene.start)
-        mass = scene.bodies[0].mass
-        if any(scene.torque):
-            acting.append(forces.Torque(scene.torque, frame="body"))
-        weight = mass * np.array(scene.gravity)
-        if scene.pivot is not None:
-            # the weight at the centre of mass, and its opposite at the fixed point
-            acting += [forces.Force(weight, point=scene.pivot), forces.Force(-weight)]
-        elif any(scene.gravity):
-            acting.append(forces.Gravity(scene.gravity))
-        touches, pairs = [], []
-        for touch in scene.contacts:
-            law, friction = self._laws(touch, mass)
-            if touch.surface == "body":
-                other = int(touch.place)
-                law, friction = self._laws(touch, mass / 2)
-                pairs.append(contact.SpherePair((touch.body, other), (touch.radius, touch.radius), law))
-                continue
-            surface = _surface(touch)
-            if touch.law == "rigid" and touch.restitution == 0.0 and touch.surface == "floor":
-                # at the height at which the spring carries the weight
-                states[touch.body] = _raised(states[touch.body], weight[2] / _STIFF)
-            made = (
-                contact.Contact.ball((0.0, 0.0, 0.0), touch.radius, surface, law, friction=friction)
-                if touch.radius
-                else contact.Contact((0.0, 0.0, 0.0), surface, law, friction=friction)
-            )
-            touches.append(made)
-        if scene.spring:
-            anchor = (0.0, 0.0, float(states[0].position[2]))
-            acting.append(forces.Spring(scene.spring, anchor))
+        states, acting, touches, pairs = self._posed(scene)
         several = len(states) > 1
         found = integrate(
             list(scene.bodies) if several else scene.bodies[0],
@@ -178,6 +150,57 @@ class _Somersault(_Engine):
             raise ArithmeticError(found.message)
         end = found[len(found) - 1]
         return end, None if self.law(scene) else [event.t for event in found.events]
+
+    def gradient(self, scene: ExamScene, dt: float) -> Array | None:
+        """By the variational equations, with jumps at events, where the method has them."""
+        if self.info.scope != "any system" or len(scene.bodies) > 1:
+            return None
+        (state,), acting, touches, _ = self._posed(scene)
+        found = contact.differentiate(
+            scene.bodies[0],
+            state,
+            (0.0, scene.duration),
+            dt=dt,
+            method=self.info,
+            forces=acting or None,
+            contacts=touches,
+        )
+        start = _in_world(state, scene.direction[0])
+        return _in_body(found.state, found.by_state @ start)[None, :]
+
+    def _posed(self, scene: ExamScene) -> tuple[list[State], list[Any], list[Any], list[Any]]:
+        """States at the start, forces, contacts and pairs."""
+        states = list(scene.start)
+        acting: list[Any] = []
+        mass = scene.bodies[0].mass
+        weight = mass * np.array(scene.gravity)
+        if any(scene.torque):
+            acting.append(forces.Torque(scene.torque, frame="body"))
+        if scene.pivot is not None:
+            # the weight at the centre of mass, and its opposite at the fixed point
+            acting += [forces.Force(weight, point=scene.pivot), forces.Force(-weight)]
+        elif any(scene.gravity):
+            acting.append(forces.Gravity(scene.gravity))
+        touches, pairs = [], []
+        for touch in scene.contacts:
+            if touch.surface == "body":
+                law, _ = self._laws(touch, mass / 2)
+                others = (touch.body, int(touch.place))
+                pairs.append(contact.SpherePair(others, (touch.radius, touch.radius), law))
+                continue
+            law, friction = self._laws(touch, mass)
+            if touch.law == "rigid" and touch.restitution == 0.0 and touch.surface == "floor":
+                # at the height at which the spring carries the weight
+                states[touch.body] = _raised(states[touch.body], weight[2] / _STIFF)
+            touches.append(
+                contact.Contact.ball((0.0, 0.0, 0.0), touch.radius, _surface(touch), law, friction=friction)
+                if touch.radius
+                else contact.Contact((0.0, 0.0, 0.0), _surface(touch), law, friction=friction)
+            )
+        if scene.spring:
+            anchor = (0.0, 0.0, float(states[0].position[2]))
+            acting.append(forces.Spring(scene.spring, anchor))
+        return states, acting, touches, pairs
 
     def _laws(self, touch: SceneContact, mass: float) -> tuple[Any, Any]:
         if touch.law == "spring":
@@ -199,6 +222,21 @@ def _surface(touch: SceneContact) -> Any:
         return contact.SphericalSurface((0.0, 0.0, 0.0), touch.place)
     up = -1.0 if touch.surface == "ceiling" else 1.0
     return contact.HalfSpace((0.0, 0.0, touch.place), (0.0, 0.0, up))
+
+
+def _in_world(state: State, change: Array) -> Array:
+    """The change of a state in world axes, of one as scenes have it."""
+    turn = _matrix(state.quaternion)
+    rotation = turn @ change[3:6]
+    spin = np.cross(rotation, state.angular_velocity) + turn @ change[9:]
+    return np.concatenate([change[:3], rotation, change[6:9], spin])
+
+
+def _in_body(state: State, change: Array) -> Array:
+    """The change of a state as scenes have it, of one in world axes."""
+    back = _matrix(state.quaternion).T
+    spin = change[9:] - np.cross(change[3:6], state.angular_velocity)
+    return np.concatenate([change[:3], back @ change[3:6], change[6:9], back @ spin])
 
 
 def _raised(state: State, by: float) -> State:
@@ -486,46 +524,98 @@ class _Pinocchio(_Engine):
 
 
 class _Drake(_Engine):
+    """Free bodies, with Drake's point contact: a stiffness and a dissipation after Hunt and Crossley."""
+
+    #: Stiffness of the contacts that stand for rigid ones, N/m: steps of a scene resolve it.
+    _STIFF = 1e4
+
     def __init__(self, variant: str) -> None:
         _package("pydrake", "drake")
-        self.tree = importlib.import_module("pydrake.multibody.tree")
-        self.plant = importlib.import_module("pydrake.multibody.plant")
-        self.analysis = importlib.import_module("pydrake.systems.analysis")
+        self.drake = importlib.import_module("pydrake.all")
         schemes = ("runge_kutta3", "runge_kutta5", "runge_kutta2", "explicit_euler", "radau3", "discrete")
         self.scheme = _one_of("drake", variant, schemes)
         super().__init__(f"drake:{self.scheme}", "drake")
 
     def can(self, scene: ExamScene) -> bool | str:
-        if scene.contacts or scene.by_modes_only:
-            return "contact needs a scene graph, which this adapter does not make"
-        if scene.pivot is not None or any(scene.torque):
-            return "a fixed point and torques in body axes are not stated by this adapter"
+        if scene.by_modes_only:
+            return _BY_MODES
+        if scene.pivot is not None or any(scene.torque) or scene.spring:
+            return "fixed points, torques in body axes and springs are not stated by this adapter"
+        if any(touch.radius == 0.0 and touch.friction for touch in scene.contacts):
+            return "a point that slides without turning is not stated by this adapter"
         return True
 
+    def law(self, scene: ExamScene) -> str | None:
+        return "Drake's point contact" if scene.contacts else None
+
     def run(self, scene: ExamScene, dt: float) -> Ended:
-        discrete = self.scheme == "discrete"
-        steps = round(scene.duration / dt)
-        h = scene.duration / max(steps, 1)
-        plant = self.plant.MultibodyPlant(time_step=h if discrete else 0.0)
-        body, y = scene.bodies[0], scene.y0[0]
-        moments = (float(body.inertia[k, k]) / body.mass for k in range(3))
-        inertia = self.tree.SpatialInertia(body.mass, np.zeros(3), self.tree.UnitInertia(*moments))
-        plant.AddRigidBody("body", inertia)
+        drake, discrete = self.drake, self.scheme == "discrete"
+        h = scene.duration / max(round(scene.duration / dt), 1)
+        builder = drake.DiagramBuilder()
+        plant, _ = drake.AddMultibodyPlantSceneGraph(builder, h if discrete else 0.0)
         plant.mutable_gravity_field().set_gravity_vector(np.array(scene.gravity))
+        bodies = []
+        for k, body in enumerate(scene.bodies):
+            moments = (float(body.inertia[n, n]) / body.mass for n in range(3))
+            inertia = drake.SpatialInertia(body.mass, np.zeros(3), drake.UnitInertia(*moments))
+            bodies.append(plant.AddRigidBody(f"body {k}", inertia))
+        self._touch(scene, plant, bodies)
         plant.Finalize()
-        simulator = self.analysis.Simulator(plant)
+        simulator = drake.Simulator(builder.Build())
         if not discrete:
-            self.analysis.ResetIntegratorFromFlags(simulator, self.scheme, h)
+            drake.ResetIntegratorFromFlags(simulator, self.scheme, h)
             simulator.get_mutable_integrator().set_fixed_step_mode(True)
-        context = simulator.get_mutable_context()
-        turned = _matrix(y[3:7])
-        plant.SetPositions(context, [*np.roll(y[3:7], 1), *y[:3]])
-        plant.SetVelocities(context, [*(turned @ y[10:]), *y[7:10]])
+        context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+        for body, y in zip(bodies, scene.y0, strict=True):
+            turn = drake.RotationMatrix(_matrix(y[3:7]))
+            plant.SetFreeBodyPose(context, body, drake.RigidTransform(turn, y[:3]))
+            motion = drake.SpatialVelocity(turn.matrix() @ y[10:], y[7:10])
+            plant.SetFreeBodySpatialVelocity(context, body, motion)
         simulator.Initialize()
         simulator.AdvanceTo(scene.duration)
-        q, v = plant.GetPositions(context), plant.GetVelocities(context)
-        turn = np.roll(q[:4], -1)
-        return [*q[4:], *turn, *v[3:], *(_matrix(turn).T @ v[:3])], None
+        return [self._state(plant, context, body) for body in bodies], None
+
+    def _touch(self, scene: ExamScene, plant: Any, bodies: list[Any]) -> None:
+        drake, worn = self.drake, set()
+
+        def register(body: Any, place: Any, shape: Any, name: str, touch: SceneContact) -> None:
+            stiffness = touch.stiffness if touch.law == "spring" else self._STIFF
+            # of the two that touch, each has the double stiffness, and they are in series
+            dissipation = touch.damping / stiffness if touch.law == "spring" else 1.0 - touch.restitution
+            properties = drake.ProximityProperties()
+            drake.AddContactMaterial(
+                dissipation=dissipation,
+                point_stiffness=2 * stiffness,
+                friction=drake.CoulombFriction(touch.friction, touch.friction),
+                properties=properties,
+            )
+            plant.RegisterCollisionGeometry(body, place, shape, name, properties)
+
+        for n, touch in enumerate(scene.contacts):
+            # a point is a small ball, and its surface further away by its radius
+            radius = touch.radius or 0.05
+            off = radius - touch.radius
+            others = [touch.body] + ([int(touch.place)] if touch.surface == "body" else [])
+            for k in others:
+                if k not in worn:
+                    register(bodies[k], drake.RigidTransform(), drake.Sphere(radius), f"ball {k}", touch)
+                    worn.add(k)
+            if touch.surface == "sphere":
+                shape, place = drake.Sphere(touch.place - off), drake.RigidTransform()
+            elif touch.surface != "body":
+                up = -1.0 if touch.surface == "ceiling" else 1.0
+                shape = drake.HalfSpace()
+                place = drake.HalfSpace.MakePose([0.0, 0.0, up], [0.0, 0.0, touch.place - up * off])
+            else:
+                continue
+            register(plant.world_body(), place, shape, f"surface {n}", touch)
+
+    def _state(self, plant: Any, context: Any, body: Any) -> list[float]:
+        pose = plant.EvalBodyPoseInWorld(context, body)
+        motion = plant.EvalBodySpatialVelocityInWorld(context, body)
+        turn = pose.rotation()
+        q = np.roll(turn.ToQuaternion().wxyz(), -1)
+        return [*pose.translation(), *q, *motion.translational(), *(turn.matrix().T @ motion.rotational())]
 
 
 def _matrix(q: Array) -> Array:

@@ -267,7 +267,7 @@ class ExamScene:
         Raises
         ------
         InputError
-            If there is no such mode.
+            If there is no such mode, or the state has another length.
 
         Examples
         --------
@@ -276,8 +276,11 @@ class ExamScene:
         >>> [round(float(x), 12) for x in rod.rate("free", 0.0, rod.y0.ravel())[10:]]
         [9.9, -19.8, 0.0]
         """
-        if mode not in self.modes:
+        if not isinstance(mode, str) or mode not in self.modes:
             raise InputError(f"`mode` must be one of {', '.join(self.modes)}, found {mode!r}")
+        if not hasattr(y, "__len__") or len(y) != self.y0.size:
+            found = f"{len(y)} of them" if hasattr(y, "__len__") else f"a {type(y).__name__}"
+            raise InputError(f"`y` must have {self.y0.size} numbers, found {found}")
         slopes: list[Any] = []
         for k, (force, torque) in enumerate(self.modes[mode].wrench(t, y)):
             slopes += _slope(self.bodies[k], y[SIZE * k : SIZE * (k + 1)], force, torque)
@@ -302,8 +305,8 @@ class ExamScene:
         >>> float(exam.scene("graze").varied(0.5).y0[0, 9] - exam.scene("graze").y0[0, 9])
         0.5
         """
-        if not math.isfinite(by):
-            raise InputError(f"`by` must be a finite number, found {by}")
+        if not isinstance(by, int | float) or not math.isfinite(by):
+            raise InputError(f"`by` must be a finite number, found {by!r:.60}")
         y = np.array(self.y0)
         for k, d in enumerate(self.direction):
             y[k, :3] += by * d[:3]
