@@ -125,6 +125,8 @@ class _Somersault(_Engine):
             return _BY_MODES
         if self.info.scope == "torque-free" and (scene.contacts or scene.pivot or any(scene.torque)):
             return "the method is for bodies without torque"
+        if any(touch.law == "hunt_crossley" for touch in scene.contacts):
+            return "its law of Hunt and Crossley is another one, with the power 3/2 of Hertz"
         return True
 
     def law(self, scene: ExamScene) -> str | None:
@@ -546,7 +548,10 @@ class _Drake(_Engine):
         return True
 
     def law(self, scene: ExamScene) -> str | None:
-        return "Drake's point contact" if scene.contacts else None
+        # the law of its point contact is that of Hunt and Crossley
+        return (
+            "Drake's point contact" if any(touch.law != "hunt_crossley" for touch in scene.contacts) else None
+        )
 
     def run(self, scene: ExamScene, dt: float) -> Ended:
         drake, discrete = self.drake, self.scheme == "discrete"
@@ -579,9 +584,13 @@ class _Drake(_Engine):
         drake, worn = self.drake, set()
 
         def register(body: Any, place: Any, shape: Any, name: str, touch: SceneContact) -> None:
-            stiffness = touch.stiffness if touch.law == "spring" else self._STIFF
+            stiffness = self._STIFF if touch.law == "rigid" else touch.stiffness
+            dissipation = {
+                "rigid": 1.0 - touch.restitution,
+                "spring": touch.damping / stiffness,
+                "hunt_crossley": touch.damping,
+            }[touch.law]
             # of the two that touch, each has the double stiffness, and they are in series
-            dissipation = touch.damping / stiffness if touch.law == "spring" else 1.0 - touch.restitution
             properties = drake.ProximityProperties()
             drake.AddContactMaterial(
                 dissipation=dissipation,

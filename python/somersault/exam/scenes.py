@@ -41,7 +41,8 @@ class SceneContact:
     """Where a body of a scene touches something, and by which law.
 
     The law is ``'spring'`` (a spring and a damper that push and never pull, with `stiffness` in N/m and
-    `damping` in N s/m) or ``'rigid'`` (no penetration, `restitution` at impacts). Friction is Coulomb's.
+    `damping` in N s/m), ``'hunt_crossley'`` (F = k x (1 + d x′) where it pushes, with the penetration x and
+    d = `damping` in s/m) or ``'rigid'`` (no penetration, `restitution` at impacts). Friction is Coulomb's.
 
     Attributes
     ----------
@@ -54,7 +55,7 @@ class SceneContact:
         or the ball of the same radius that is the body number `place`.
     place : float
         As `surface` says.
-    law : {'spring', 'rigid'}
+    law : {'spring', 'hunt_crossley', 'rigid'}
         The law.
     stiffness, damping, restitution, friction : float
         Its constants.
@@ -777,6 +778,33 @@ def _compliant_bounce() -> ExamScene:
     )  # fmt: skip
 
 
+def _hunt_crossley() -> ExamScene:
+    k, d = 2e3, 0.3
+
+    def push(y: Numbers) -> Any:
+        return -(k * y[2]) * (1.0 - d * y[9])
+
+    modes = [
+        SceneMode("before", _constant(), (SceneGuard("touch-down", lambda t, y: y[2], "contact"),)),
+        SceneMode(
+            "contact",
+            lambda t, y: [((0.0, 0.0, push(y)), (0.0, 0.0, 0.0))],
+            (SceneGuard("release", lambda t, y: -y[2], "after"),),
+        ),
+        SceneMode("after", _constant()),
+    ]
+    return _contact(
+        "hunt_crossley",
+        "a body that hits a spring with Hunt and Crossley's dissipation",
+        "an impact without weight; the force is zero at both of its ends, and the smoother law is easier",
+        "m z″ = F,  F = −k z (1 − d z′) where z < 0 and F > 0, else 0",
+        "(ln(1 + d w) − d w)/d² + k z²/(2 m) is constant in contact with w = −z′; a quadrature for the time",
+        _point(1.0), [_state((0.0, 0.0, 0.5), velocity=(0.0, 0.0, -2.0))], 0.6, 0.01, modes,
+        "velocity at the start, m/s", _along(8),
+        contacts=(SceneContact(0, 0.0, "floor", 0.0, "hunt_crossley", k, d),),
+    )  # fmt: skip
+
+
 def _hard_bounce() -> ExamScene:
     e, down = 0.8, (0.0, 0.0, -GRAVITY)
 
@@ -1186,6 +1214,7 @@ def _rolling_disk() -> ExamScene:
 def _contacts() -> list[ExamScene]:
     return [
         _compliant_bounce(),
+        _hunt_crossley(),
         _hard_bounce(),
         _graze(),
         _incline(
