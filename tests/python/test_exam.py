@@ -782,6 +782,8 @@ def test_scenes_are_immutable_and_pickled_by_their_names() -> None:
     scene = exam.scene("pendulum")
     with pytest.raises(AttributeError):
         scene.duration = 1.0  # type: ignore[misc]
+    with pytest.raises(TypeError):
+        scene.modes["heavy"] = scene.modes["heavy"]  # type: ignore[index]
     for values in (scene.y0, scene.answer, scene.gradient, scene.direction):
         with pytest.raises(ValueError, match="read-only"):
             values[0, 0] = 1.0

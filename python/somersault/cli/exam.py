@@ -14,6 +14,7 @@ from somersault.cli import tables
 def exam(arguments: argparse.Namespace) -> int:
     """Examines each engine, prints a table of each, and writes the page."""
     from somersault import exam as examined
+    from somersault.exam import page
 
     tables.check_page(arguments.out)
     if arguments.list:
@@ -32,7 +33,7 @@ def exam(arguments: argparse.Namespace) -> int:
     if arguments.json:
         print(json.dumps([report.to_dict() for report in reports], indent=2, ensure_ascii=False))
     if arguments.out:
-        arguments.out.write_text(examined.page.of(reports), encoding="utf-8")
+        arguments.out.write_text(page.of([report.to_dict() for report in reports]), encoding="utf-8")
         print(f"{len(reports)} reports -> {arguments.out}", file=sys.stderr)
     return 0
 

@@ -11,9 +11,9 @@ from the answer, of which order the error is, what is not conserved, and why.
 ('agrees', 4)
 """
 
-from somersault.exam.audit import ExamReport, SceneResult, audit
-from somersault.exam.engines import engine, engines
-from somersault.exam.scenes import ExamScene, SceneContact, SceneGuard, SceneMode, scene, scenes
+from somersault.exam.adapters import engine, engines
+from somersault.exam.catalogue import ExamScene, SceneContact, SceneGuard, SceneMode, scene, scenes
+from somersault.exam.report import ExamReport, SceneResult, audit
 
 __all__ = [
     "ExamReport",

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
-from typing import TYPE_CHECKING
+from typing import Any
 
-from somersault.exam.scenes import scene
-
-if TYPE_CHECKING:
-    from somersault.exam.audit import ExamReport, SceneResult
+from somersault.exam.catalogue import scene
 
 __all__ = ["of"]
 
@@ -29,18 +26,18 @@ small { opacity: .75; } @media (prefers-color-scheme: dark) { body { background:
 """
 
 
-def of(reports: Sequence[ExamReport]) -> str:
-    """A page of some reports, one after the other."""
+def of(reports: Sequence[Mapping[str, Any]]) -> str:
+    """A page of some reports, one after the other, each as its `to_dict` has it."""
     parts = []
     for report in reports:
-        versions = ", ".join(f"{name} {version}" for name, version in report.versions.items())
+        versions = ", ".join(f"{name} {version}" for name, version in report["versions"].items())
         head = "".join(
             f"<th>{title}</th>"
             for title in ("scene", "", "error by step", "order R³", "order SO(3)", "distance", "verdict")
         )
-        rows = "".join(map(_row, report.results))
+        rows = "".join(map(_row, report["results"]))
         parts.append(
-            f"<h2>{escape(report.engine)}</h2><p><small>{escape(versions)}</small></p>"
+            f"<h2>{escape(report['engine'])}</h2><p><small>{escape(versions)}</small></p>"
             f"<table><tr>{head}</tr>{rows}</table>"
         )
     legend = ", ".join(f'<span style="color:{colour}">{name}</span>' for name, colour in _COLOURS.items())
@@ -54,29 +51,29 @@ def of(reports: Sequence[ExamReport]) -> str:
     )
 
 
-def _row(result: SceneResult) -> str:
-    asked = scene(result.scene)
-    orders = (result.orders.get(space) for space in ("R3", "SO3"))
+def _row(result: Mapping[str, Any]) -> str:
+    asked = scene(result["scene"])
+    orders = (result["orders"].get(space) for space in ("R3", "SO3"))
     cells = "".join(f'<td class="n">{"" if order is None else f"{order:.1f}"}</td>' for order in orders)
     measures = {"R3": ("position", "m"), "SO3": ("orientation", "rad")}
     distance = "<br>".join(
-        f"{result.distance[name]:.1e} {unit}"
+        f"{result['distance'][name]:.1e} {unit}"
         for space, (name, unit) in measures.items()
-        if result.distance and space in asked.spaces
+        if result["distance"] and space in asked.spaces
     )
-    state = escape(result.status)
+    state = escape(result["status"])
     return (
-        f"<tr><td><b>{escape(result.scene)}</b><br><small>{escape(asked.title)}</small></td>"
+        f"<tr><td><b>{escape(asked.name)}</b><br><small>{escape(asked.title)}</small></td>"
         f'<td class="s {state.partition(" ")[0]}">{state}</td><td>{_figure(result)}</td>{cells}'
-        f'<td class="n">{distance}</td><td>{escape(result.verdict)}</td></tr>'
+        f'<td class="n">{distance}</td><td>{escape(result["verdict"])}</td></tr>'
     )
 
 
-def _figure(result: SceneResult) -> str:
+def _figure(result: Mapping[str, Any]) -> str:
     """Error against step, both logarithmic, as inline SVG."""
-    if not result.steps:
+    if not result["steps"]:
         return ""
-    steps = [math.log10(step) for step in result.steps]
+    steps = [math.log10(step) for step in result["steps"]]
     low, high = min(steps), max(steps)
 
     def place(step: float, error: float) -> str:
@@ -86,10 +83,10 @@ def _figure(result: SceneResult) -> str:
 
     lines = []
     for name, colour in _COLOURS.items():
-        points = [place(step, error) for step, error in zip(steps, result.errors[name], strict=True)]
+        points = [place(step, error) for step, error in zip(steps, result["errors"][name], strict=True)]
         dots = "".join(
             f'<circle cx="{x}" cy="{y}" r="2" fill="{colour}"/>' for x, y in (p.split(",") for p in points)
         )
         lines.append(f'<polyline fill="none" stroke="{colour}" points="{" ".join(points)}"/>{dots}')
-    label = f"error of {escape(result.scene)} against step"
+    label = f"error of {escape(result['scene'])} against step"
     return f'<svg role="img" aria-label="{label}" width="{_WIDE}" height="{_HIGH}">{"".join(lines)}</svg>'

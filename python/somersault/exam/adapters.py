@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from somersault import contact, forces
 from somersault._somersault.integrators import State, integrate, method
 from somersault.errors import InputError
-from somersault.exam.scenes import ExamScene, SceneContact
+from somersault.exam.catalogue import ExamScene, SceneContact
 
 __all__ = ["engine", "engines"]
 

@@ -200,6 +200,10 @@ class ExamScene:
     variation: float = 1e-6
     varied_by: float = 0.0
 
+    def __post_init__(self) -> None:
+        for name in ("modes", "invariants"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+
     def __repr__(self) -> str:
         varied = f", {self.parameter} varied by {self.varied_by:.3g}" if self.varied_by else ""
         return f"<ExamScene {self.name}: {self.title}, {self.duration:g} s{varied}>"

@@ -17,7 +17,7 @@ import somersault
 from somersault._somersault.integrators import State
 from somersault.errors import InputError
 from somersault.exam import page
-from somersault.exam.scenes import SIZE, ExamScene, scene, scenes
+from somersault.exam.catalogue import SIZE, ExamScene, scene, scenes
 
 __all__ = ["ExamReport", "SceneResult", "audit"]
 
@@ -222,7 +222,7 @@ class ExamReport:
         >>> text[:15], "http" in text
         ('<!doctype html>', False)
         """
-        text = page.of([self])
+        text = page.of([self.to_dict()])
         if path is not None:
             target = Path(path)
             if target.suffix.lower() not in (".html", ".htm"):
