@@ -45,6 +45,7 @@ MODULES = (
         ".batch",
         ".contact",
         ".exact",
+        ".exam",
         ".expr",
         ".forces",
         ".ftla",
@@ -124,6 +125,8 @@ class Recorder:
 
 def name_of(function: Any) -> str | None:
     """The name of something public of somersault."""
+    if "<locals>" in getattr(function, "__qualname__", ""):
+        return None  # a function that another one returned has no public name
     owner = getattr(function, "__self__", None)
     name = getattr(function, "__name__", "")
     if name.startswith("_") and name not in ("__getitem__", "__call__"):

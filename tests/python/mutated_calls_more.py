@@ -9,6 +9,7 @@ import somersault
 from somersault import (
     contact,
     exact,
+    exam,
     forces,
     ftla,
     integrators,
@@ -267,6 +268,17 @@ multibody.fly(
 )
 
 # Studies
+graze = exam.scene("graze")
+graze.rate("flight", 0.0, graze.y0.ravel())
+graze.varied(1e-3)
+exam.scenes("contact")
+exam.engines()
+steps = exam.engine("somersault:rkmk")
+report = exam.audit(steps, ["graze"], [0.1, 0.05], tol=1e-3, gradients=True, name="steps")
+report.table()
+report.to_dict()
+report["graze"].to_dict()
+report.to_html(None)
 problem = studies.Problem.case(2)
 studies.Problem.asymmetric_body()
 studies.Problem.spring_pendulum()

@@ -16,12 +16,18 @@ from matplotlib import pyplot as plt
 #: Made by what a user calls, and shown in its example: nobody calls these classes.
 RESULTS = (
     "ArmExtremal",
+    "ExamReport",
+    "ExamScene",
     "ExponentConvergence",
     "Failure",
     "FtleField",
     "LyapunovSpectrum",
     "MinimizeResult",
     "Ridge",
+    "SceneContact",
+    "SceneGuard",
+    "SceneMode",
+    "SceneResult",
     "Sweep",
 )
 #: The program, whose examples are the commands on the pages of the book; `test_book` runs them.

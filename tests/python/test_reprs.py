@@ -15,6 +15,7 @@ import pytest
 import somersault
 from somersault import (
     contact,
+    exam,
     forces,
     ftla,
     integrators,
@@ -74,6 +75,11 @@ def bounce() -> somersault.Solution:
     return somersault.integrate(
         ball.body, ball.state, (0.0, 0.2), dt=0.01, forces=ball.forces, contacts=ball.contacts
     )
+
+
+@cache
+def examined() -> exam.ExamReport:
+    return exam.audit(exam.engine("somersault"), "rotation", gradients=False, name="n" * 300)
 
 
 @cache
@@ -371,6 +377,13 @@ MADE: dict[str, Callable[[], Any]] = {
     "SyntheticJudge": lambda: motion.SyntheticJudge(motion.DiveFaults(0.1, 0.1, 0.1, 0.1, 0.1)),
     "SyntheticSet": dives,
     "Validation": validation,
+    # the exam of engines
+    "ExamReport": examined,
+    "ExamScene": lambda: exam.scene("sleeping_top").varied(1 / 3),
+    "SceneContact": lambda: exam.scene("hard_bounce").contacts[0],
+    "SceneGuard": lambda: exam.scene("dry_oscillator").modes["left again"].guards[0],
+    "SceneMode": lambda: exam.scene("dry_oscillator").modes["left again"],
+    "SceneResult": lambda: examined()["rod"],
     # sweeps and pages
     "Failure": lambda: sweep.Failure("ValueError", "a message\nof many lines " * 90),
     "Sweep": lambda: sweep.run(invert, sweep.grid(x=[0.0, 1.0, 2.0]), version="1"),

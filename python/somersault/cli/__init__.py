@@ -50,7 +50,7 @@ def _schema(arguments: argparse.Namespace) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    from somersault.cli import bench, dive, motion, score, view
+    from somersault.cli import bench, dive, exam, motion, score, view
 
     parser = argparse.ArgumentParser(
         prog="somersault",
@@ -74,6 +74,7 @@ def _parser() -> argparse.ArgumentParser:
     score.add(commands)
     view.add(commands)
     bench.add(commands)
+    exam.add(commands)
 
     schemas = commands.add_parser(
         "schema",
