@@ -395,3 +395,8 @@ def test_solutions_with_events_are_pickled_and_drawn() -> None:
     assert integrate(BALL, AT_ONE, (0.0, 1.0), dt=0.1).t_events is None
     page = somersault.viewer.Scene("ball").add(motion, shapes=somersault.viewer.Sphere(0.1)).html()
     assert "ball" in page
+    back = integrate(BALL, motion[-1], (5.0, 0.0), dt=0.1, forces=SPRING, dense_output=True)
+    drawn = [
+        somersault.viewer.Scene().add(shown).html() for shown in (back, pickle.loads(pickle.dumps(back)))
+    ]
+    assert all(len(page) > 1000 for page in drawn)

@@ -40,7 +40,9 @@ use crate::variation::{Tangent, central_difference};
 /// A state with its rates reversed.
 pub fn reversed<Q: Configuration>(x: &State<Q>) -> State<Q> {
     let mut turned = x.clone();
-    turned.rate.scale(-1.0);
+    // Zero stays zero, and is not made −0.
+    turned.rate.set_zero();
+    turned.rate.axpy(-1.0, &x.rate);
     turned
 }
 
@@ -132,12 +134,12 @@ impl<Q: Configuration> Interior<Q> for InteriorBackwards<'_, Q> {
     }
     fn part(&mut self, length: f64, out: &mut State<Q>) -> Result<(), IntegrateError> {
         self.0.part(length, out)?;
-        out.rate.scale(-1.0);
+        *out = reversed(out);
         Ok(())
     }
     fn nudge(&mut self, t: f64, x: &State<Q>, dt: f64, out: &mut State<Q>) {
         self.0.nudge(-t, &reversed(x), -dt, out);
-        out.rate.scale(-1.0);
+        *out = reversed(out);
     }
 }
 
@@ -147,6 +149,6 @@ struct CurveBackwards<Q: Configuration>(Box<dyn Interpolant<Q>>);
 impl<Q: Configuration> Interpolant<Q> for CurveBackwards<Q> {
     fn evaluate(&self, t: f64, out: &mut State<Q>) {
         self.0.evaluate(-t, out);
-        out.rate.scale(-1.0);
+        *out = reversed(out);
     }
 }

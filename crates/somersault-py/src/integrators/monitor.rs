@@ -5,7 +5,7 @@ use crate::core::error::Error;
 use crate::core::memory::{bytes_of_numbers, expect_room};
 use crate::core::waiting::SignalTimer;
 use crate::integrators::plan::Plan;
-use crate::integrators::watching::{Arguments, EventFunctions, EventWatch};
+use crate::integrators::watching::{Arguments, EventFunctions, EventWatch, EventsByFunction};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyModuleNotFoundError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -81,8 +81,8 @@ pub(crate) struct Finish<Q: Configuration> {
     pub(crate) recorded: Solution<Q>,
     /// The curves of all steps from the start on; none where they were not wanted.
     pub(crate) curves: Solution<Q>,
-    /// Times and states of the events of each function that was watched.
-    pub(crate) watched: Option<Vec<(Vec<f64>, Vec<State<Q>>)>>,
+    /// The events of functions, where there were any.
+    pub(crate) watched: Option<EventsByFunction<Q>>,
     pub(crate) steps: u64,
     pub(crate) status: i32,
     pub(crate) message: String,

@@ -9,6 +9,7 @@ use crate::integrators::bodies::{RigidBody, State};
 use crate::integrators::event::{Event, Events};
 use crate::integrators::forces::Reader;
 use crate::integrators::seen::{Curves, Seen};
+use crate::integrators::watching::EventsByFunction;
 use crate::multibody::model::Model;
 use numpy::PyArray1;
 use pyo3::exceptions::{PyIndexError, PyTypeError};
@@ -431,11 +432,7 @@ struct FunctionEvents {
 }
 
 impl FunctionEvents {
-    fn of<Q: Seen>(
-        py: Python<'_>,
-        cast: &Cast,
-        each: Vec<(Vec<f64>, Vec<state::State<Q>>)>,
-    ) -> PyResult<Self> {
+    fn of<Q: Seen>(py: Python<'_>, cast: &Cast, each: EventsByFunction<Q>) -> PyResult<Self> {
         let times = PyTuple::new(py, each.iter().map(|(times, _)| PyArray1::from_slice(py, times)))?;
         let states = each.into_iter().map(|(times, states)| {
             Py::new(py, Trajectory::new(cast.clone(), times, states.iter().flat_map(Q::split).collect()))
@@ -518,7 +515,7 @@ impl Solution {
         cast: Cast,
         recorded: solution::Solution<Q>,
         curves: Option<solution::Solution<Q>>,
-        watched: Option<Vec<(Vec<f64>, Vec<state::State<Q>>)>>,
+        watched: Option<EventsByFunction<Q>>,
         report: Report,
         events: Events<Q>,
         given: Given,

@@ -14,6 +14,9 @@ type Values<Q> = Box<dyn FnMut(f64, &State<Q>, &mut [f64]) + Send>;
 /// A watch of Python functions.
 pub(crate) type EventWatch<Q> = Watch<Q, Values<Q>>;
 
+/// Times and states of the events of each function.
+pub(crate) type EventsByFunction<Q> = Vec<(Vec<f64>, Vec<State<Q>>)>;
+
 /// What a function of a user is called with, at a time and a state.
 pub(crate) type Arguments<Q> = Box<dyn Fn(Python<'_>, f64, &State<Q>) -> PyResult<Py<PyTuple>> + Send>;
 
@@ -99,8 +102,8 @@ impl EventFunctions {
         }
     }
 
-    /// The events by function: their times and states.
-    pub(crate) fn sorted<Q: Configuration>(&self, found: Watched<Q>) -> Vec<(Vec<f64>, Vec<State<Q>>)> {
+    /// The events by function.
+    pub(crate) fn sorted<Q: Configuration>(&self, found: Watched<Q>) -> EventsByFunction<Q> {
         let mut each: Vec<_> = (0..self.len()).map(|_| (Vec::new(), Vec::new())).collect();
         for event in found.occurrences {
             let (times, states) = &mut each[event.function];

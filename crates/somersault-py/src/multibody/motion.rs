@@ -10,7 +10,7 @@ use crate::integrators::methods;
 use crate::integrators::monitor::{Finish, Monitor, ProgressBar, Watch};
 use crate::integrators::plan::{self, Plan, StepArguments, start_up_of, stiff_of};
 use crate::integrators::trajectory::Report;
-use crate::integrators::watching::EventFunctions;
+use crate::integrators::watching::{EventFunctions, EventsByFunction};
 use crate::multibody::given::{Given, drive};
 use crate::multibody::model::Model;
 use numpy::PyArray1;
@@ -170,7 +170,7 @@ impl FunctionEvents {
     fn of<Q: OfTree>(
         py: Python<'_>,
         model: &multibody::Model,
-        each: Vec<(Vec<f64>, Vec<State<Q>>)>,
+        each: EventsByFunction<Q>,
     ) -> Result<Self, Error> {
         let [mut t_events, mut q_events, mut v_events] = [(); 3].map(|()| Vec::new());
         for (times, states) in each {
