@@ -80,6 +80,14 @@ somersault.integrate(
 )
 somersault.integrate([body, body], [state, somersault.State()], (0.0, 0.1), dt=0.01, interaction=gravitation)
 somersault.integrate(
+    body,
+    state,
+    (0.1, 0.0),
+    dt=0.01,
+    t_eval=[0.08, 0.01],
+    events=[lambda t, state: t - 0.05, lambda t, state: 1.0],
+)
+somersault.integrate(
     body, state, (0.0, 0.1), dt=0.01, forces=lambda t, s: ((0, 0, 1.0), (0, 0, 0.1)), dense_output=True
 )
 somersault.integrate(

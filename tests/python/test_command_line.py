@@ -175,7 +175,7 @@ BODY = "[body]\nmass = 1.0\nbox = [1, 1, 1]\n\n[run]\ninterval = [0, 1]\ndt = 0.
         (BODY.replace("dt = 0.1", ""), 5, "run: needs one of dt, rtol, atol; found none"),
         (BODY + 'method = "rk5"\n', 8, "run.method: no method is named `rk5`"),
         (BODY.replace("[0, 1]", "[0, nan]"), 6, "run.interval.1: must be a number, found nan"),
-        (BODY.replace("[0, 1]", "[1, 0]"), 6, "run.interval: `interval` must run forward"),
+        (BODY.replace("[0, 1]", "[1, 1]"), 6, "run.interval: `interval` must lead from one finite time"),
         (BODY.replace("[0, 1]", f"[0, 1{'0' * 30}]"), 6, "run.interval.1: must be a number below 2.63"),
         (BODY.replace("[0, 1]", f"[0, 1{'0' * 5000}]"), 6, "a number of 5001 digits is too long"),
         (BODY.replace("dt = 0.1", "dt = 1e-30"), 7, "run.dt: "),

@@ -82,9 +82,10 @@ def test_steps(dt: float) -> None:
     raises(errors.InputError, "`dt` must be positive and finite", lambda: run(dt=dt))
 
 
-@pytest.mark.parametrize("interval", [(1.0, 0.0), (1.0, 1.0), (0.0, np.inf), (np.nan, 1.0)])
+@pytest.mark.parametrize("interval", [(1.0, 1.0), (0.0, np.inf), (np.nan, 1.0)])
 def test_intervals(interval: tuple[float, float]) -> None:
-    raises(errors.InputError, "`interval` must run forward", lambda: run(interval=interval))
+    message = "`interval` must lead from one finite time to another"
+    raises(errors.InputError, message, lambda: run(interval=interval))
 
 
 @pytest.mark.parametrize("interval", [(), (1.0,), (0.0, 1.0, 2.0), None, 5, "ab", (0.0, "x"), [[0.0, 1.0]]])

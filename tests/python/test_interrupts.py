@@ -18,6 +18,8 @@ body = somersault.RigidBody.box(1.0, (0.2, 0.4, 0.6))
 start = somersault.State(angular_velocity=(1.0, 2.0, 3.0))
 def force(t, state):
     return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+def at(t, state):
+    return state.angular_velocity[0]
 ground = somersault.contact.Contact(
     (0.0, 0.0, 0.0), somersault.contact.HalfSpace((0.0, 0.0, -1.0)), somersault.contact.CompliantLaw(1.0)
 )
@@ -47,7 +49,9 @@ def interrupted(options: str) -> tuple[list[str], float]:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals to a child need a console there")
-@pytest.mark.parametrize("more", ["", "forces=force", "observer=lambda t, state: None", "contacts=ground"])
+@pytest.mark.parametrize(
+    "more", ["", "forces=force", "observer=lambda t, state: None", "events=at", "contacts=ground"]
+)
 class TestInterrupts:
     """With and without Python code in play, and with contacts."""
 

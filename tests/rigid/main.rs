@@ -10,6 +10,7 @@ mod implicit;
 mod moser_veselov;
 mod orders;
 mod thesis_tables;
+mod watch;
 
 use somersault_testkit::allocations::Counting;
 

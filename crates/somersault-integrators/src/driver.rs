@@ -8,7 +8,7 @@
 //! ([`Configuration::renormalize`]).
 
 use crate::dense::Interpolant;
-use crate::engine::{Engine, Slot, Track};
+use crate::engine::{Engine, EngineStep, Interior, Slot, Track};
 pub use crate::error::IntegrateError;
 use crate::state::{Configuration, Rate, State};
 pub use crate::step_size::Adaptive;
@@ -150,25 +150,75 @@ pub struct Step<'a, Q: Configuration> {
     pub before: &'a State<Q>,
     /// State after.
     pub after: &'a State<Q>,
-    interpolant: &'a mut dyn FnMut() -> Box<dyn Interpolant<Q>>,
+    interior: &'a mut dyn Interior<Q>,
+    end: Option<(f64, State<Q>)>,
 }
 
 impl<'a, Q: Configuration> Step<'a, Q> {
-    /// A step as a driver shows it: the `index`-th, between two times and the states there, with the
-    /// curve between them made on demand.
+    /// A step as a driver shows it: the `index`-th, between two times and the states there, with what is between them.
     pub fn new(
         index: u64,
         times: (f64, f64),
         before: &'a State<Q>,
         after: &'a State<Q>,
-        interpolant: &'a mut dyn FnMut() -> Box<dyn Interpolant<Q>>,
+        interior: &'a mut dyn Interior<Q>,
     ) -> Self {
-        Self { index, t_before: times.0, t_after: times.1, before, after, interpolant }
+        Self { index, t_before: times.0, t_after: times.1, before, after, interior, end: None }
     }
 
     /// The curve of this step.
     pub fn interpolant(&mut self) -> Box<dyn Interpolant<Q>> {
-        (self.interpolant)()
+        self.interior.interpolant()
+    }
+
+    /// What is between the ends of this step.
+    pub fn interior(&mut self) -> &mut dyn Interior<Q> {
+        &mut *self.interior
+    }
+
+    /// The states at times within this step, in their order: by its curve where that is of the order of the method, and
+    /// otherwise by the method itself, which makes the part of the step up to each time.
+    ///
+    /// Where the method refuses a part, the curve stands for it.
+    pub fn states_at(&mut self, times: &[f64]) -> Vec<State<Q>> {
+        let mut curve = None;
+        let by_curve = self.interior.is_curve_of_full_order();
+        let mut state_at = |&t: &f64| {
+            let mut state = self.after.clone();
+            let length = (t - self.t_before).abs();
+            let is_end = t == self.t_after;
+            if !is_end && (by_curve || length == 0.0 || self.interior.part(length, &mut state).is_err()) {
+                let curve = curve.get_or_insert_with(|| self.interior.interpolant());
+                curve.evaluate(t, &mut state);
+            }
+            state
+        };
+        times.iter().map(&mut state_at).collect()
+    }
+
+    /// Ends the run within this step, at a state on its way; the observer that does so answers [`Flow::Stop`].
+    pub fn end_at(&mut self, t: f64, state: State<Q>) {
+        self.end = Some((t, state));
+    }
+
+    /// Where the run ends within this step, if it does.
+    pub fn end(&self) -> Option<&(f64, State<Q>)> {
+        self.end.as_ref()
+    }
+
+    /// Shows an observer what the run keeps of this step: all of it, or the part up to where it ends.
+    pub fn show(&mut self, observer: &mut dyn Observer<Q>) -> Flow {
+        let Some((t, state)) = self.end.take() else { return observer.observe(self) };
+        let mut kept = Step::new(self.index, (self.t_before, t), self.before, &state, &mut *self.interior);
+        let flow = observer.observe(&mut kept);
+        let earlier = kept.end.take();
+        self.end = Some(earlier.unwrap_or((t, state)));
+        flow
+    }
+
+    /// Shows it as a driver does, which then knows where the run ends within it.
+    pub(crate) fn shown_to(mut self, observer: &mut dyn Observer<Q>) -> (Flow, Option<(f64, State<Q>)>) {
+        (observer.observe(&mut self), self.end)
     }
 }
 
@@ -253,8 +303,8 @@ pub(crate) fn run_fixed<Q: Configuration>(
             break;
         }
     }
-    let status = if n < steps { Status::Stopped } else { Status::Finished };
-    Ok(Outcome { t: grid.time(n), state: show.end(engine, from), status, steps: n, rejected: 0 })
+    let t = grid.time(n);
+    Ok(show.outcome(engine, from, (t, grid.end), (n, 0)))
 }
 
 /// Adapted steps by an engine with an estimate that was started from a state, which is finite.
@@ -291,9 +341,7 @@ pub(crate) fn run_adaptive<Q: Configuration>(
             break;
         }
     }
-    let status = if t < end { Status::Stopped } else { Status::Finished };
-    let (steps, rejected) = (control.accepted(), control.rejected());
-    Ok(Outcome { t, state: show.end(engine, from), status, steps, rejected })
+    Ok(show.outcome(engine, from, (t, end), (control.accepted(), control.rejected())))
 }
 
 /// The error of an attempted step for the control of its size: NaN, so that it is too large, where the equation of the step
@@ -314,12 +362,17 @@ struct Show<'a, Q: Configuration> {
     is_active: bool,
     before: State<Q>,
     after: State<Q>,
+    /// The memory and the slot of parts of steps.
+    place: Option<(Track, Slot)>,
+    /// Where the run ended within the last step, if it did.
+    end: Option<(f64, State<Q>)>,
 }
 
 impl<'a, Q: Configuration> Show<'a, Q> {
     fn new(initial: &State<Q>, observer: &'a mut dyn Observer<Q>) -> Self {
         let is_active = observer.is_active();
-        Self { observer, is_active, before: initial.clone(), after: initial.clone() }
+        let [before, after] = [(); 2].map(|()| initial.clone());
+        Self { observer, is_active, before, after, place: None, end: None }
     }
 
     /// Room for the state after a step, where it is shown.
@@ -339,18 +392,29 @@ impl<'a, Q: Configuration> Show<'a, Q> {
         if !self.is_active {
             return Flow::Continue;
         }
-        let Self { before, after, .. } = self;
-        let mut interpolant = || engine.segment(t_before, h, from, to);
-        let mut step = Step::new(index, (t_before, t_after), before, after, &mut interpolant);
-        let flow = self.observer.observe(&mut step);
-        std::mem::swap(before, after);
+        let Self { before, after, place, .. } = self;
+        let mut interior = EngineStep { engine, t: t_before, h, from, to, before, place };
+        let step = Step::new(index, (t_before, t_after), before, after, &mut interior);
+        let flow;
+        (flow, self.end) = step.shown_to(self.observer);
+        std::mem::swap(&mut self.before, &mut self.after);
         flow
     }
 
-    /// The state at the end of the run.
-    fn end(self, engine: &dyn Engine<Q>, slot: Slot) -> State<Q> {
+    /// The outcome of a run to `end` that has reached t, with the state in a slot, unless it ended within its last step.
+    fn outcome(
+        self,
+        engine: &dyn Engine<Q>,
+        slot: Slot,
+        (t, end): (f64, f64),
+        (steps, rejected): (u64, u64),
+    ) -> Outcome<Q> {
         let mut state = self.after;
-        engine.read(slot, &mut state);
-        state
+        let (t, state) = self.end.unwrap_or_else(|| {
+            engine.read(slot, &mut state);
+            (t, state)
+        });
+        let status = if t < end { Status::Stopped } else { Status::Finished };
+        Outcome { t, state, status, steps, rejected }
     }
 }

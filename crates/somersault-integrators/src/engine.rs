@@ -11,7 +11,7 @@
 use crate::dense::{Decoded, Interpolant};
 use crate::error::IntegrateError;
 use crate::scratch::{Allocation, Storage};
-use crate::state::{Configuration, State, Tolerances};
+use crate::state::{Configuration, Rate, State, Tolerances};
 use crate::step_size::{Adaptive, StepSizeControl};
 use crate::stepper::{EmbeddedStepper, MethodInfo, StepError, Stepper};
 use crate::system::{Decoder, StateOf, System, Unchanged};
@@ -99,6 +99,62 @@ pub trait Engine<Q: Configuration> {
 
     /// Takes back the step just attempted.
     fn reject(&mut self);
+
+    /// Moves a state at t by its velocity and acceleration there for a short time `dt` of either sign, to first order.
+    fn nudge(&mut self, t: f64, x: &State<Q>, dt: f64, out: &mut State<Q>);
+}
+
+/// What is between the ends of a step that was made.
+pub trait Interior<Q: Configuration> {
+    /// The curve of the step.
+    fn interpolant(&mut self) -> Box<dyn Interpolant<Q>>;
+
+    /// Whether the curve is of the order that the ends of the step have.
+    fn is_curve_of_full_order(&self) -> bool;
+
+    /// Makes the part of the first `length` > 0 of the step again, by the method itself and without its history.
+    ///
+    /// Errors: failures of the method.
+    fn part(&mut self, length: f64, out: &mut State<Q>) -> Result<(), IntegrateError>;
+
+    /// Moves a state at t by its velocity and acceleration there for a short time `dt` of either sign, to first order.
+    fn nudge(&mut self, t: f64, x: &State<Q>, dt: f64, out: &mut State<Q>);
+}
+
+/// The step of h from t of an engine, from one slot to another, the last of [`Track::RUN`].
+pub(crate) struct EngineStep<'a, Q: Configuration> {
+    pub(crate) engine: &'a mut dyn Engine<Q>,
+    pub(crate) t: f64,
+    pub(crate) h: f64,
+    pub(crate) from: Slot,
+    pub(crate) to: Slot,
+    pub(crate) before: &'a State<Q>,
+    /// The memory and the slot of parts, which the first one makes.
+    pub(crate) place: &'a mut Option<(Track, Slot)>,
+}
+
+impl<Q: Configuration> Interior<Q> for EngineStep<'_, Q> {
+    fn interpolant(&mut self) -> Box<dyn Interpolant<Q>> {
+        self.engine.segment(self.t, self.h, self.from, self.to)
+    }
+
+    fn is_curve_of_full_order(&self) -> bool {
+        let MethodInfo { orders, dense_order, .. } = self.engine.info();
+        dense_order >= orders.translation.max(orders.rotation)
+    }
+
+    fn part(&mut self, length: f64, out: &mut State<Q>) -> Result<(), IntegrateError> {
+        let (track, slot) = match *self.place {
+            Some(place) => place,
+            None => *self.place.insert((self.engine.branch(self.before)?, self.engine.keep(self.before))),
+        };
+        self.engine.restart(track);
+        self.engine.advance(track, self.t, length, self.from, slot, Some(out))
+    }
+
+    fn nudge(&mut self, t: f64, x: &State<Q>, dt: f64, out: &mut State<Q>) {
+        self.engine.nudge(t, x, dt, out);
+    }
 }
 
 /// How a state of the system is written in the variables that a method integrates, into a state of the same size.
@@ -318,5 +374,16 @@ where
         if let Some(Estimate { reject, .. }) = &self.estimate {
             reject(self);
         }
+    }
+
+    fn nudge(&mut self, t: f64, x: &State<Q>, dt: f64, out: &mut State<Q>) {
+        let mut y = self.encoded(x);
+        let mut workspace = self.form.workspace();
+        let [mut velocity, mut acceleration] = [(); 2].map(|()| y.rate.clone());
+        self.form.velocity(&mut workspace, t, &y, &mut velocity);
+        self.form.acceleration(&mut workspace, t, &y, &mut acceleration);
+        y.configuration.drift(&velocity, dt);
+        y.rate.axpy(dt, &acceleration);
+        self.decoder.decode(&y, out);
     }
 }

@@ -89,6 +89,24 @@ pub enum IntegrateError {
 }
 
 impl IntegrateError {
+    /// The error of a run backwards, from that of the run of reversed time by which it was made: its times have the other sign.
+    pub fn backwards(self) -> Self {
+        match self {
+            Self::TooManySteps { dt, start, end } => Self::TooManySteps { dt, start: -start, end: -end },
+            Self::NonFinite { t } => Self::NonFinite { t: -t },
+            Self::Fault { t, source } => Self::Fault { t: -t, source },
+            Self::StepSize { t, h } => Self::StepSize { t: -t, h },
+            Self::Budget { max_steps, t } => Self::Budget { max_steps, t: -t },
+            Self::Step(error) => Self::Step(error.backwards()),
+            error @ (Self::Argument(_)
+            | Self::Interval { .. }
+            | Self::InitialState { .. }
+            | Self::NoErrorEstimate { .. }
+            | Self::RigidBodiesOnly { .. }
+            | Self::Variables { .. }) => error,
+        }
+    }
+
     /// Whether a shorter step may help: the equation of an implicit one was not solved.
     pub(crate) fn is_of_the_step(&self) -> bool {
         matches!(self, Self::Step(StepError::NotConverged { .. }))

@@ -41,6 +41,7 @@ pub mod methods;
 pub mod moser_veselov;
 pub mod partials;
 pub mod preprocessing;
+pub mod reversal;
 pub mod run;
 pub mod scratch;
 pub mod solution;

@@ -212,6 +212,17 @@ pub enum StepError {
     },
 }
 
+impl StepError {
+    /// With the time of the other sign.
+    pub(crate) fn backwards(mut self) -> Self {
+        match &mut self {
+            Self::Torque { .. } => {}
+            Self::NotConverged { t, .. } | Self::StepTooLarge { t, .. } | Self::Angle { t, .. } => *t = -*t,
+        }
+        self
+    }
+}
+
 /// The description of a method as a constant.
 pub trait Scheme {
     /// The row of the method table.

@@ -23,6 +23,7 @@ __all__ = [
 ]
 
 _AnyMethod: TypeAlias = str | MethodInfo
+_AnyEvent: TypeAlias = Callable[[float, Any], float]
 
 @final
 class RigidBody:
@@ -215,6 +216,10 @@ class Solution(Trajectory):
     def pairs(self) -> tuple[SpherePair, ...] | None: ...
     @property
     def sol(self) -> DenseOutput | None: ...
+    @property
+    def t_events(self) -> tuple[_Floats, ...] | None: ...
+    @property
+    def y_events(self) -> tuple[Trajectory, ...] | None: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
 
 def integrate(
@@ -241,6 +246,9 @@ def integrate(
     max_steps: int | None = None,
     start_up: Literal["one_step", "ladder"] = "one_step",
     dense_output: bool = False,
+    t_eval: ArrayLike | None = None,
+    # Called with a list of states where there are several bodies.
+    events: _AnyEvent | Sequence[_AnyEvent] | None = None,
     every: int = 1,
     # Called with a list of states where there are several bodies.
     observer: Callable[[float, Any], object] | None = None,

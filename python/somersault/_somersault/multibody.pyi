@@ -29,6 +29,7 @@ __all__ = [
 
 _Base: TypeAlias = Literal["fixed", "planar", "free"]
 _OfTree: TypeAlias = Callable[[float, _Floats, _Floats], ArrayLike]
+_TreeEvent: TypeAlias = Callable[[float, _Floats, _Floats], float]
 _Joint: TypeAlias = Literal["fixed", "revolute", "prismatic", "spherical", "planar", "free"]
 
 _NAMED_MODELS: tuple[str, ...]
@@ -305,6 +306,12 @@ class TreeSolution:
     def gaps(self) -> _Floats | None: ...
     @property
     def elastic_energy(self) -> _Floats | None: ...
+    @property
+    def t_events(self) -> tuple[_Floats, ...] | None: ...
+    @property
+    def q_events(self) -> tuple[_Floats, ...] | None: ...
+    @property
+    def v_events(self) -> tuple[_Floats, ...] | None: ...
     def __len__(self) -> int: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
 
@@ -332,6 +339,8 @@ def integrate_tree(
     max_steps: int | None = None,
     start_up: Literal["one_step", "ladder"] = "one_step",
     dense_output: bool = False,
+    t_eval: ArrayLike | None = None,
+    events: _TreeEvent | Sequence[_TreeEvent] | None = None,
     every: int = 1,
     observer: Callable[[float, _Floats, _Floats], object] | None = None,
     on_interrupt: Literal["raise", "return"] = "raise",

@@ -233,13 +233,21 @@ def _of_markers(recording: MarkerRecording) -> Track:
     return Track(tuple(recording.names), t, poses, center, None, None)
 
 
+def _forwards(trajectory: Trajectory) -> Trajectory:
+    """The same motion in the order of time, where it was found backwards."""
+    if len(trajectory) < 2 or trajectory.t[0] < trajectory.t[-1]:
+        return trajectory
+    rows = (trajectory.position, trajectory.quaternion, trajectory.velocity, trajectory.angular_velocity)
+    return Trajectory(trajectory.body, trajectory.t[::-1], *(row[::-1] for row in rows))
+
+
 def _of_trajectory(trajectory: Trajectory) -> Track:
-    t = times(trajectory.t)
     sol = getattr(trajectory, "sol", None)
-    seen: Any = trajectory
+    seen: Any = _forwards(trajectory)
+    t = times(seen.t)
     if sol is not None and len(t) > 1:
         n = int(np.clip((t[-1] - t[0]) / FINE, 10 * len(t), _LARGEST)) + 1
-        t = np.linspace(sol.t_min, sol.t_max, n)
+        t = np.linspace(*sorted((sol.t_min, sol.t_max)), n)
         seen = sol(t)
     shape = (len(t), -1, 3)
     position = np.asarray(seen.position).reshape(shape)

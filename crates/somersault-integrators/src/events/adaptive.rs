@@ -51,12 +51,12 @@ pub(super) fn steps<H: Hybrid>(
         }
         let span = run.locate(h, t_after)?;
         let flow = run.commit(span)?;
+        if flow == Flow::Stop && run.so_far.t < end {
+            return Ok(Status::Stopped);
+        }
         if span.is_event {
             until = run.begin(end);
             run.worker.engine.restart_control(&mut control, span.t_after, run.before.slot);
-        }
-        if flow == Flow::Stop && span.t_after < end {
-            return Ok(Status::Stopped);
         }
     }
     Ok(Status::Finished)

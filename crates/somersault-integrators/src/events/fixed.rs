@@ -51,6 +51,9 @@ pub(super) fn steps<H: Hybrid>(
         }
         run.so_far.substeps += u64::from(stiff.step() < stiff.dt);
         let flow = run.commit(span)?;
+        if flow == Flow::Stop && run.so_far.t < end {
+            return Ok(Status::Stopped);
+        }
         if span.is_event && span.t_after < end {
             stiff.enter(run.worker.frozen, span.t_after, &run.before.state)?;
             until = run.begin(end);
@@ -58,9 +61,6 @@ pub(super) fn steps<H: Hybrid>(
         } else if stiff.grows() && span.t_after < until {
             run.worker.restart();
             (grid, n) = (TimeGrid::try_new(span.t_after, until, stiff.step())?, 0);
-        }
-        if flow == Flow::Stop && span.t_after < end {
-            return Ok(Status::Stopped);
         }
     }
     Ok(Status::Finished)

@@ -31,6 +31,9 @@
 //! A [`Run`](crate::run::Run) locates events on request ([`Run::locating`](crate::run::Run::locating)).
 //! [`EventSearch`] is the search by itself, for what steps in another way ([`Retrace`]).
 //!
+//! Functions of the state that change no equations are watched: a [`Watch`] observes any run, with events or without, and
+//! finds their changes of sign by the same search.
+//!
 //! # A user-defined event
 //!
 //! A system says which mode a state belongs to, where its guards are, what its equations are in a mode, and what its events
@@ -109,6 +112,7 @@ mod search;
 mod step_curve;
 mod stiff;
 mod sweep;
+mod watch;
 mod worker;
 
 pub use guard::{Crossing, Guard};
@@ -118,3 +122,4 @@ pub use outcome::{Event, Interrupted, Interruption, Located, LocatedResult};
 pub use search::{EventSearch, Retrace, Trail};
 pub use step_curve::StepCurve;
 pub use sweep::Sweep;
+pub use watch::{Direction, Occurrence, Watch, WatchError, WatchInterrupted, WatchRule, Watched};

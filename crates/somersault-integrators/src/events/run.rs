@@ -6,7 +6,7 @@ use super::outcome::{Event, Interrupted, InterruptedRun, Interruption, Located, 
 use super::search::{EventSearch, Trail, has_changed};
 use super::worker::{Point, StepFrom, Worker};
 use crate::driver::{Flow, Observer, Status, Step, check_state};
-use crate::engine::Engine;
+use crate::engine::{Engine, EngineStep, Slot, Track};
 use crate::system::StateOf;
 use somersault_core::argument::expect_positive;
 
@@ -41,6 +41,8 @@ pub(super) struct InProgress<'a, H: Hybrid> {
     pub(super) location: Location,
     observer: &'a mut dyn Observer<H::Configuration>,
     is_observed: bool,
+    /// The memory and the slot of parts of steps that the observer asks for.
+    place: Option<(Track, Slot)>,
     /// The outcome but for the state, which is that of `before`.
     pub(super) so_far: Located<H::Configuration, H::Kind>,
 }
@@ -117,6 +119,7 @@ impl<'a, H: Hybrid> InProgress<'a, H> {
             location: *location,
             observer,
             is_observed,
+            place: None,
             so_far: Located::at_start(t, initial),
         };
         run.examine()?;
@@ -172,7 +175,7 @@ impl<'a, H: Hybrid> InProgress<'a, H> {
         let step = StepFrom { worker: &mut self.worker, t, before, trials: &mut self.so_far.trials };
         let tolerance = 2.0 * f64::EPSILON * t.abs().max(t_after.abs());
         let graze = self.location.graze;
-        (EventSearch { step, trail: &mut self.trail, before, graze, tolerance }, &self.after)
+        (EventSearch { step, trail: &mut self.trail, from: 0.0, before, graze, tolerance }, &self.after)
     }
 
     /// Finds the earliest event in the step of h just made to `t_after`, and makes the step to it instead.
@@ -201,7 +204,7 @@ impl<'a, H: Hybrid> InProgress<'a, H> {
     }
 
     /// Commits the step: shows it, counts it, and at an event reads the mode, lets the state jump and
-    /// restarts the memory.
+    /// restarts the memory. Where the observer ends the run within the step, nothing follows it.
     #[inline(always)]
     pub(super) fn commit(&mut self, span: Span) -> Result<Flow, Interruption<H::Fault>> {
         let (guards, guards_after) = (&self.before.guards, &self.after.guards);
@@ -211,7 +214,11 @@ impl<'a, H: Hybrid> InProgress<'a, H> {
             }
         }
         self.so_far.steps += 1;
-        let flow = if self.is_observed { self.show(span) } else { Flow::Continue };
+        let (flow, end) = if self.is_observed { self.show(span) } else { (Flow::Continue, None) };
+        if let Some((t, state)) = end {
+            (self.so_far.t, self.before.state) = (t, state);
+            return Ok(flow);
+        }
         self.so_far.t = span.t_after;
         if span.is_event {
             self.happen(span.t_after)?;
@@ -246,12 +253,14 @@ impl<'a, H: Hybrid> InProgress<'a, H> {
 
     /// Shows the step, with its curve, to the observer.
     #[inline(never)]
-    fn show(&mut self, span: Span) -> Flow {
-        let Self { worker, before, after, so_far, .. } = self;
-        let mut interpolant = || worker.engine.segment(so_far.t, span.h, before.slot, after.slot);
-        let times = (so_far.t, span.t_after);
-        let mut step = Step::new(so_far.steps, times, &before.state, &after.state, &mut interpolant);
-        self.observer.observe(&mut step)
+    fn show(&mut self, span: Span) -> (Flow, Option<(f64, StateOf<H>)>) {
+        let Self { worker, before, after, so_far, place, .. } = self;
+        let (t, from, to) = (so_far.t, before.slot, after.slot);
+        let engine = &mut *worker.engine;
+        let mut interior = EngineStep { engine, t, h: span.h, from, to, before: &before.state, place };
+        let times = (t, span.t_after);
+        let step = Step::new(so_far.steps, times, &before.state, &after.state, &mut interior);
+        step.shown_to(self.observer)
     }
 
     /// Counts and keeps the changes between the guards before a step and after it.

@@ -69,7 +69,9 @@ pub struct EventSearch<'a, R: Retrace> {
     pub step: R,
     /// Room.
     pub trail: &'a mut Trail<R::Point>,
-    /// Where the step starts.
+    /// How much of the step is known already; zero for a whole step.
+    pub from: f64,
+    /// Where the step is then.
     pub before: &'a R::Point,
     /// Depth below which a guard may go in and come out unseen, where its sweep has a speed but no fall.
     pub graze: f64,
@@ -82,10 +84,16 @@ impl<R: Retrace> EventSearch<'_, R> {
     /// part of the step to be looked at first.
     #[inline]
     pub fn doubt(&mut self, h: f64, after: &R::Point) -> Option<f64> {
-        doubt(&self.step, (0.0, h), (self.before, after), &mut self.trail.sweeps, (self.graze, true))
+        doubt(
+            &self.step,
+            (self.from, h - self.from),
+            (self.before, after),
+            &mut self.trail.sweeps,
+            (self.graze, true),
+        )
     }
 
-    /// The step to the far side of the earliest change of sign within h, if there is one.
+    /// The step to the far side of the earliest change of sign between `from` and h, if there is one.
     ///
     /// `after` is where the step of h led as it was made. What lies between two parts of the step is clear where
     /// every guard is said to keep its sign; where it may not, the step is made again to somewhere in between. An
@@ -93,7 +101,7 @@ impl<R: Retrace> EventSearch<'_, R> {
     pub fn earliest(&mut self, h: f64, after: &R::Point) -> Result<Option<f64>, R::Error> {
         let before = self.before;
         let start = R::guards(before);
-        (self.trail.near.h, self.trail.len) = (0.0, 0);
+        (self.trail.near.h, self.trail.len) = (self.from, 0);
         let (mut is_start, mut parts) = (true, 0);
         loop {
             let len = self.trail.len;

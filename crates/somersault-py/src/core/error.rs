@@ -14,7 +14,7 @@ use somersault::dives::{DiveError, DiveJudgementError, DiveSearchError};
 use somersault::integrators::batch::BatchError;
 use somersault::integrators::body::BodyError;
 use somersault::integrators::driver::IntegrateError;
-use somersault::integrators::events::Interruption;
+use somersault::integrators::events::{Interruption, WatchError};
 use somersault::integrators::exact::FreeBodyError;
 use somersault::integrators::methods::{Method, UnknownMethod};
 use somersault::integrators::stepper::StepError;
@@ -295,6 +295,16 @@ impl From<Interruption<SurfaceFault>> for Error {
                 Self::input(format!("the surface behind guard {guard} cannot be touched at t = {t}: {fault}"))
             }
             reason => Self::own(Class::Integration, &reason),
+        }
+    }
+}
+
+impl From<WatchError> for Error {
+    fn from(error: WatchError) -> Self {
+        match error {
+            WatchError::Integrate(error) => error.into(),
+            WatchError::NonFinite { .. } => Self::own(Class::Input, &error),
+            WatchError::Unproved { .. } => Self::own(Class::Integration, &error),
         }
     }
 }

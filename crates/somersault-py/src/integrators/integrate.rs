@@ -10,8 +10,9 @@ use crate::integrators::methods;
 use crate::integrators::monitor::{Finish, Monitor, ProgressBar, Watch};
 use crate::integrators::plan::{self, Plan, StepArguments, start_up_of};
 use crate::integrators::seen::Seen;
-use crate::integrators::solve::{Bodies, Ended};
+use crate::integrators::solve::{self, Bodies, Ended};
 use crate::integrators::trajectory::{Cast, Given, Report, Solution};
+use crate::integrators::watching::EventFunctions;
 use pyo3::prelude::*;
 use somersault::contact::bodies::BodiesInContact;
 use somersault::contact::contacts::BodyInContact;
@@ -19,8 +20,10 @@ use somersault::contact::laws::ContactLaw;
 use somersault::contact::stretches::{Touching, WithStretches};
 use somersault::integrators::counted::Counted;
 use somersault::integrators::events::Location;
+use somersault::integrators::force::BoxedForce;
 use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::nalgebra::Vector3;
+use somersault::integrators::reversal::TimeReversed;
 use somersault::integrators::state::{Pose, State};
 use somersault::integrators::system::{
     BoxedInteraction, RigidBodiesSystem, RigidBodySystem, RigidSystem, StateOf,
@@ -33,7 +36,7 @@ impl Bodies for Free {
     type Configuration = Pose;
 
     fn solve(&self, initial: &State<Pose>, plan: &Plan, observer: &mut Monitor<Pose>) -> Ended<Pose> {
-        let outcome = plan.run(&self.0).observed_by(observer).from(initial);
+        let outcome = solve::integrate(&self.0, initial, plan, observer);
         let rejected = outcome.as_ref().map_or(0, |outcome| outcome.rejected);
         let nfev = (observer.steps + rejected) * u64::from(plan.method.info().evaluations);
         Ended::without_events(outcome, nfev)
@@ -53,9 +56,17 @@ impl<S: RigidSystem<Configuration: Seen> + Sync> Bodies for Forced<S> {
         observer: &mut Monitor<S::Configuration>,
     ) -> Ended<S::Configuration> {
         let system = Counted::new(&self.0);
-        let outcome = plan.run(&system).observed_by(observer).from(initial);
+        let outcome = solve::integrate(&system, initial, plan, observer);
         Ended::without_events(outcome, system.calls())
     }
+}
+
+/// What looks at a run as Python asks for it.
+struct Watching {
+    observer: Option<Py<PyAny>>,
+    events: Option<EventFunctions>,
+    progress: Option<ProgressBar>,
+    failure: Failure,
 }
 
 fn run<B: Bodies>(
@@ -64,9 +75,7 @@ fn run<B: Bodies>(
     bodies: &B,
     initial: &State<B::Configuration>,
     plan: &Plan,
-    observer: Option<Py<PyAny>>,
-    progress: Option<ProgressBar>,
-    failure: Failure,
+    Watching { observer, events, progress, failure }: Watching,
     given: Given,
 ) -> Result<Py<Solution>, Error> {
     let watch = observer.map(|observer| -> Watch<B::Configuration> {
@@ -75,13 +84,24 @@ fn run<B: Bodies>(
             answer.bind(py).is_truthy()
         })
     });
-    let mut monitor = Monitor::try_new(plan, initial, 13 * cast.bodies.len(), watch, progress, failure)?;
+    let monitor = Monitor::try_new(plan, initial, 13 * cast.bodies.len(), watch, progress, failure)?;
+    let mut monitor = monitor.looking_for(py, events, || {
+        Box::new(|py, t, x| Ok((t, B::Configuration::to_python(py, x)?).into_pyobject(py)?.unbind()))
+    });
     let Ended { status, rejected, nfev, events } =
         monitor.supervise(py, plan, |monitor| bodies.solve(initial, plan, monitor))?;
-    let Finish { recorded, steps, status, message, failed } = monitor.finish(py, status);
+    let Finish { recorded, curves, watched, steps, status, message, failed } = monitor.finish(py, status);
     let report = Report { status, message, nfev, n_steps: steps, n_rejected: rejected };
-    let solution = Solution::create(py, cast, recorded, plan.dense, report, events, given)?;
+    let curves = plan.dense.then_some(curves);
+    let solution = Solution::create(py, cast, recorded, curves, watched, report, events, given)?;
     plan.deliver(py, failed, solution)
+}
+
+/// Forces as they are, or those of reversed time.
+fn either_way(models: Vec<BoxedForce>, backwards: bool) -> Vec<BoxedForce> {
+    let turned =
+        |model: BoxedForce| -> BoxedForce { if backwards { Box::new(TimeReversed(model)) } else { model } };
+    models.into_iter().map(turned).collect()
 }
 
 /// A state with the stretches that an argument asks for.
@@ -123,7 +143,7 @@ fn without_stretch<'a>(laws: impl IntoIterator<Item = &'a ContactLaw>) -> Result
 /// state : State or sequence of State
 ///     State at the start, one for each body.
 /// interval : tuple of float
-///     Start and end time, s.
+///     Start and end time, s. Where the end is before the start the motion is followed back in time, under forces without contacts.
 /// dt : float, optional
 ///     Step, s. Where it does not divide the interval the last step is shorter.
 /// method : str or MethodInfo, optional
@@ -171,6 +191,16 @@ fn without_stretch<'a>(laws: impl IntoIterator<Item = &'a ContactLaw>) -> Result
 ///     family with as many steps as there are.
 /// dense_output : bool, optional
 ///     Whether to keep the curves between the steps, for ``solution.sol(t)``.
+/// t_eval : array_like, shape (n,), optional
+///     Times of the states to record, s, within the interval and in the direction of the run, each once; the states after
+///     every step unless given. They do not change the steps: the states are read from the curve of a step where that is of the order
+///     of the method (`MethodInfo.dense_order`), and otherwise the method makes the step to each of them. A run that ends early has
+///     those up to its end.
+/// events : callable or sequence of callable, optional
+///     Functions ``event(t, state) -> float`` of which changes of sign are looked for, ``event(t, states)`` for several bodies. A
+///     function may have attributes as in SciPy: with ``terminal`` true the run ends at its first event, with a number n at the n-th;
+///     with ``direction`` 1 only changes from negative to positive along the run are events, with -1 only those from positive to
+///     negative. The attributes `t_events` and `y_events` of the solution have them. See the notes.
 /// every : int, optional
 ///     Record every so many steps. The last is always recorded.
 /// observer : callable, optional
@@ -197,6 +227,15 @@ fn without_stretch<'a>(laws: impl IntoIterator<Item = &'a ContactLaw>) -> Result
 ///
 /// Notes
 /// -----
+/// Events of functions are located as those of contacts are: the method makes the step again up to the event, so that its time has
+/// the accuracy of the method. Other events than terminal ones leave the steps as they are. A step at whose ends a function has the
+/// same sign is searched where its values and rates there suggest that it goes through zero and comes back. A zero at the start is no
+/// event, a zero at the end of a step one, and a touch without a crossing none. Functions are called about three times a step, also
+/// at states a little off the motion, and a few dozen times for each event. What one returns must be finite.
+///
+/// Backwards in time any method makes the steps that it would make with a negative step: it integrates forwards under forces of reversed
+/// time, and with reversed velocities.
+///
 /// Other Python threads run meanwhile unless a callable is given. What a callable raises stops the run
 /// and comes out as it is. Every exception that stops a run has what was recorded before in its attribute
 /// `solution`.
@@ -212,10 +251,27 @@ fn without_stretch<'a>(laws: impl IntoIterator<Item = &'a ContactLaw>) -> Result
 /// (101, 3)
 /// >>> round(float(motion.position[-1, 2]), 6)
 /// 0.095
+///
+/// The highest point, and the end at a height of 1 m on the way down:
+///
+/// >>> def top(t, state):
+/// ...     return state.velocity[2]
+/// >>> def down(t, state):
+/// ...     return state.position[2] - 1.0
+/// >>> down.terminal, down.direction = True, -1
+/// >>> motion = somersault.integrate(body, start, (0.0, 2.0), dt=0.01, forces=gravity, events=[top, down])
+/// >>> motion.status, [times.round(6) for times in motion.t_events]
+/// (1, [array([0.509684]), array([0.746125])])
+///
+/// States at given times, on the way back from there:
+///
+/// >>> back = somersault.integrate(body, motion[-1], (motion.t[-1], 0.0), forces=gravity, t_eval=[0.5, 0.0])
+/// >>> bool(abs(back.position[-1] - start.position).max() < 1e-9)
+/// True
 #[pyfunction]
 #[pyo3(signature = (
     body, state, interval, *, dt=None, method=None, forces=None, interaction=None, contacts=None, pairs=None, stretches=None, locate=true,
-    max_event_rate=1e9, keep_events=true, graze=1e-6, max_substeps=Some(100_000), rtol=None, atol=None, max_step=None, first_step=None, max_steps=None, start_up="one_step", dense_output=false, every=1,
+    max_event_rate=1e9, keep_events=true, graze=1e-6, max_substeps=Some(100_000), rtol=None, atol=None, max_step=None, first_step=None, max_steps=None, start_up="one_step", dense_output=false, t_eval=None, events=None, every=1,
     observer=None, on_interrupt="raise", progress=false
 ))]
 pub(crate) fn integrate<'py>(
@@ -242,6 +298,8 @@ pub(crate) fn integrate<'py>(
     #[pyo3(from_py_with = integer_or_none)] max_steps: Option<i64>,
     start_up: &str,
     dense_output: bool,
+    t_eval: Option<&Bound<'py, PyAny>>,
+    events: Option<&Bound<'py, PyAny>>,
     #[pyo3(from_py_with = integer)] every: i64,
     observer: Option<Bound<'py, PyAny>>,
     on_interrupt: &str,
@@ -254,14 +312,21 @@ pub(crate) fn integrate<'py>(
     let method = method.map_or(Ok(default), |m| methods::extract("method", m))?;
     let options = Options { start_up: start_up_of(start_up)? };
     let arguments = StepArguments { dt, rtol, atol, max_step, first_step, max_steps };
-    let steps = arguments.steps(method, interval)?;
-    let every = plan::every_of(every)?;
+    let (steps, backwards) = arguments.either_way(method, interval)?;
+    let (t_eval, every) = plan::kept(t_eval, every)?;
     let return_interrupted = returns_interrupted(on_interrupt)?;
     if let Some(observer) = &observer {
         check_callable("observer", "f(t, state)", observer)?;
     }
+    let events = events.map(|events| EventFunctions::extract("f(t, state)", events)).transpose()?;
+    if backwards && (contacts.is_some() || pairs.is_some()) {
+        return Err(Error::input(
+            "`interval` must run forward where there are contacts: they dissipate, and many motions lead to one state",
+        ));
+    }
     let failure = Failure::default();
-    let mut reader = Reader { failure: failure.clone(), calls_python: observer.is_some() };
+    let calls_python = observer.is_some() || events.is_some();
+    let mut reader = Reader { failure: failure.clone(), calls_python };
     let none = py.None().into_bound(py);
     let forces = forces.unwrap_or(&none);
     let bar = |start, end| if progress { ProgressBar::open(py, start, end).map(Some) } else { Ok(None) };
@@ -269,13 +334,16 @@ pub(crate) fn integrate<'py>(
         method,
         options,
         steps,
+        backwards,
         every,
+        t_eval,
         dense: dense_output,
         calls_python,
         return_interrupted,
     };
     let location = Location { max_event_rate, keep_events, graze, stiff: plan::stiff_of(max_substeps)? };
     let observer = observer.map(Bound::unbind);
+    let watching = |progress| Watching { observer, events, progress, failure };
     if stretches.is_some() && (!locate || contacts.is_none() && pairs.is_none()) {
         return Err(Error::input("`stretches` are those of contacts that are located, and there are none"));
     }
@@ -297,17 +365,17 @@ pub(crate) fn integrate<'py>(
                 let system = WithStretches(system);
                 let initial = stretched(&system, stretches, interval.0, initial[0])?;
                 let bodies = InContact { system, contacts: count, location };
-                return run(py, cast, &bodies, &initial, &plan, observer, bar, failure, given);
+                return run(py, cast, &bodies, &initial, &plan, watching(bar), given);
             }
             without_stretch(contacts.iter().map(|contact| contact.law()))?;
             models.push(Box::new(contacts));
         }
         if models.is_empty() {
             let bodies = Free(RigidBodySystem::free(body));
-            run(py, cast, &bodies, &initial[0], &plan, observer, bar, failure, given)
+            run(py, cast, &bodies, &initial[0], &plan, watching(bar), given)
         } else {
-            let bodies = Forced(RigidBodySystem::new(body, models));
-            run(py, cast, &bodies, &initial[0], &plan, observer, bar, failure, given)
+            let bodies = Forced(RigidBodySystem::new(body, either_way(models, backwards)));
+            run(py, cast, &bodies, &initial[0], &plan, watching(bar), given)
         }
     } else {
         let each = reader.for_each("forces", cast.bodies.len(), forces)?;
@@ -324,18 +392,22 @@ pub(crate) fn integrate<'py>(
                 without_stretch(contacts.laws())?;
                 let between: BoxedInteraction = Box::new(contacts);
                 let bodies = Forced(RigidBodiesSystem::try_new(cast.bodies.clone(), each, between)?);
-                return run(py, cast, &bodies, &initial, &plan, observer, bar, failure, given);
+                return run(py, cast, &bodies, &initial, &plan, watching(bar), given);
             }
             let count = contacts.len();
             let each = each.into_iter().map(Counted::new).collect();
             let system = WithStretches(BodiesInContact::try_new(cast.bodies.clone(), each, contacts)?);
             let initial = stretched(&system, stretches, interval.0, initial)?;
             let bodies = InContact { system, contacts: count, location };
-            return run(py, cast, &bodies, &initial, &plan, observer, bar, failure, given);
+            return run(py, cast, &bodies, &initial, &plan, watching(bar), given);
         }
-        let between = reader.between(interaction)?;
+        let mut between = reader.between(interaction)?;
+        let each = each.into_iter().map(|models| either_way(models, backwards)).collect();
+        if backwards {
+            between = Box::new(TimeReversed(between));
+        }
         let bodies = Forced(RigidBodiesSystem::try_new(cast.bodies.clone(), each, between)?);
         let (plan, bar) = (plan(reader.calls_python), bar(interval.0, interval.1)?);
-        run(py, cast, &bodies, &initial, &plan, observer, bar, failure, given)
+        run(py, cast, &bodies, &initial, &plan, watching(bar), given)
     }
 }

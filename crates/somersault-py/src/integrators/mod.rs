@@ -14,6 +14,7 @@ pub(crate) mod seen;
 pub(crate) mod solve;
 pub(crate) mod studies;
 pub(crate) mod trajectory;
+pub(crate) mod watching;
 
 /// Rigid bodies, the methods that move them, and solutions.
 #[pyo3::pymodule(name = "integrators", module = "somersault._somersault", submodule)]

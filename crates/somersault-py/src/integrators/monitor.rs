@@ -5,10 +5,11 @@ use crate::core::error::Error;
 use crate::core::memory::{bytes_of_numbers, expect_room};
 use crate::core::waiting::SignalTimer;
 use crate::integrators::plan::Plan;
+use crate::integrators::watching::{Arguments, EventFunctions, EventWatch, EventsByFunction};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyModuleNotFoundError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use somersault::integrators::driver::{Flow, Observer, Status, Step, Steps};
+use somersault::integrators::driver::{Flow, IntegrateError, Observer, Status, Step, Steps};
 use somersault::integrators::solution::{Recorder, Solution};
 use somersault::integrators::state::{Configuration, State};
 
@@ -40,7 +41,7 @@ impl ProgressBar {
             }
         })?;
         let options = PyDict::new(py);
-        options.set_item("total", end - start)?;
+        options.set_item("total", (end - start).abs())?;
         options
             .set_item("bar_format", "{l_bar}{bar}| t = {n:.4g} of {total:.4g} s [{elapsed}<{remaining}]")?;
         let bar = tqdm.getattr("tqdm")?.call((), Some(&options))?.unbind();
@@ -48,7 +49,7 @@ impl ProgressBar {
     }
 
     fn show(&mut self, py: Python<'_>, t: f64) -> PyResult<()> {
-        self.bar.call_method1(py, "update", (t - self.shown,))?;
+        self.bar.call_method1(py, "update", ((t - self.shown).abs(),))?;
         self.shown = t;
         Ok(())
     }
@@ -60,6 +61,9 @@ pub(crate) type Watch<Q> = Box<dyn Fn(Python<'_>, f64, &State<Q>) -> PyResult<bo
 /// Records a run, shows it to Python, and stops it where Python says so.
 pub(crate) struct Monitor<Q: Configuration> {
     recorder: Recorder<Q>,
+    /// Start and state there.
+    start: (f64, State<Q>),
+    events: Option<(EventFunctions, EventWatch<Q>)>,
     watch: Option<Watch<Q>>,
     progress: Option<ProgressBar>,
     failure: Failure,
@@ -75,6 +79,10 @@ pub(crate) struct Monitor<Q: Configuration> {
 /// What is left of a run.
 pub(crate) struct Finish<Q: Configuration> {
     pub(crate) recorded: Solution<Q>,
+    /// The curves of all steps from the start on; none where they were not wanted.
+    pub(crate) curves: Solution<Q>,
+    /// The events of functions, where there were any.
+    pub(crate) watched: Option<EventsByFunction<Q>>,
     pub(crate) steps: u64,
     pub(crate) status: i32,
     pub(crate) message: String,
@@ -92,14 +100,22 @@ impl<Q: Configuration> Monitor<Q> {
         progress: Option<ProgressBar>,
         failure: Failure,
     ) -> Result<Self, Error> {
-        let (start, _) = plan.steps.interval();
-        let recorder = Recorder::new(start, initial, plan.every);
-        let recorder = if plan.dense { recorder.with_dense_output() } else { recorder };
+        let interval = plan.interval();
+        let start = interval.0;
         let state = size_of::<State<Q>>() + bytes_of_numbers(&[numbers]) + size_of::<f64>();
-        let of_states = state as f64 / plan.every as f64;
+        let (recorder, of_states) = match &plan.t_eval {
+            None => (Recorder::new(start, initial, plan.every), state as f64 / plan.every as f64),
+            Some(times) => {
+                expect_room("the states at `t_eval`", times.len().saturating_mul(state))?;
+                (Recorder::at_times(interval, initial, times.clone()).map_err(IntegrateError::from)?, 0.0)
+            }
+        };
+        let recorder = if plan.dense { recorder.with_dense_output() } else { recorder };
         let bytes = if plan.dense { of_states + (STATES_OF_A_CURVE * state) as f64 } else { of_states };
         let mut monitor = Self {
             recorder,
+            start: (start, initial.clone()),
+            events: None,
             watch,
             progress,
             failure,
@@ -118,6 +134,20 @@ impl<Q: Configuration> Monitor<Q> {
             Steps::Adapted { .. } => monitor.expect_room_for(FIRST_ROOM)?,
         }
         Ok(monitor)
+    }
+
+    /// The same with functions whose events it looks for, which are called with those arguments.
+    pub(crate) fn looking_for(
+        self,
+        py: Python<'_>,
+        functions: Option<EventFunctions>,
+        arguments: impl FnOnce() -> Arguments<Q>,
+    ) -> Self {
+        let watch = |functions: EventFunctions| {
+            let watch = functions.watch(py, arguments(), &self.failure);
+            (functions, watch)
+        };
+        Self { events: functions.map(watch), ..self }
     }
 
     /// Refuses more steps than memory has room for the records of.
@@ -150,20 +180,31 @@ impl<Q: Configuration> Monitor<Q> {
 
     /// How the run ended. What Python raised comes before what the driver made of the numbers that followed.
     pub(crate) fn finish(self, py: Python<'_>, status: Result<Status, Error>) -> Finish<Q> {
-        let Self { recorder, failure, steps, t, .. } = self;
+        let Self { recorder, start, events, failure, steps, t, .. } = self;
+        let ended_by = events.as_ref().and_then(|(functions, watch)| Some(functions.name(watch.ended_by()?)));
         let ended = match failure.get() {
             Some(error) => Err(error.clone_ref(py)),
             None => status.map_err(PyErr::from),
         };
-        let (status, message) = match &ended {
-            Ok(Status::Finished) => (0, "reached the end of the interval".to_owned()),
-            Ok(Status::Stopped) => (1, format!("stopped by the observer at t = {t}")),
-            Err(error) if error.is_instance_of::<PyKeyboardInterrupt>(py) => {
+        let (status, message) = match (&ended, ended_by) {
+            (Ok(_), Some(name)) => (1, format!("ended by an event of {name} at t = {t}")),
+            (Ok(Status::Finished), None) => (0, "reached the end of the interval".to_owned()),
+            (Ok(Status::Stopped), None) => (1, format!("stopped by the observer at t = {t}")),
+            (Err(error), _) if error.is_instance_of::<PyKeyboardInterrupt>(py) => {
                 (-1, format!("interrupted at t = {t}"))
             }
-            Err(_) => (-2, format!("failed after t = {t}")),
+            (Err(_), _) => (-2, format!("failed after t = {t}")),
         };
-        Finish { recorded: recorder.into_solution(), steps, status, message, failed: ended.err() }
+        let mut recorded = recorder.into_solution();
+        let segments = std::mem::take(&mut recorded.segments);
+        // The curves know their ends; of the states only a first is needed, to be written into.
+        let (t, state) = start;
+        let curves = Solution { times: vec![t], states: vec![state], segments };
+        let watched = events.map(|(functions, watch)| {
+            let found = watch.finish().unwrap_or_else(|interrupted| interrupted.so_far);
+            functions.sorted(found)
+        });
+        Finish { recorded, curves, watched, steps, status, message, failed: ended.err() }
     }
 
     /// Runs handlers of signals and moves the bar.
@@ -187,11 +228,20 @@ impl<Q: Configuration> Observer<Q> for Monitor<Q> {
             self.failure.set(error.into());
             return Flow::Stop;
         }
-        let _ = self.recorder.observe(step);
-        (self.steps, self.t) = (step.index, step.t_after);
         let mut flow = Flow::Continue;
+        if let Some((functions, events)) = &mut self.events {
+            flow = events.observe(step);
+            if let Some(reason) = events.fault() {
+                self.failure.set(functions.error(reason).into());
+                return Flow::Stop;
+            }
+        }
+        let _ = step.show(&mut self.recorder);
+        let end = step.end().cloned();
+        let (t, state) = end.as_ref().map_or((step.t_after, step.after), |(t, state)| (*t, state));
+        (self.steps, self.t) = (step.index, t);
         if let Some(watch) = &self.watch {
-            match Python::attach(|py| watch(py, step.t_after, step.after)) {
+            match Python::attach(|py| watch(py, t, state)) {
                 Ok(true) => flow = Flow::Stop,
                 Ok(false) => {}
                 Err(error) => self.failure.set(error),
@@ -199,7 +249,7 @@ impl<Q: Configuration> Observer<Q> for Monitor<Q> {
         }
         if step.index.is_multiple_of(STEPS_PER_LOOK)
             && self.timer.is_due()
-            && let Err(error) = self.look(step.t_after)
+            && let Err(error) = self.look(t)
         {
             self.failure.set(error);
         }

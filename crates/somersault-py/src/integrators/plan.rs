@@ -1,6 +1,6 @@
 //! What a run is asked to do.
 
-use crate::core::convert::positive;
+use crate::core::convert::{positive, real_numbers};
 use crate::core::error::Error;
 use crate::core::waiting::deliver;
 use pyo3::prelude::*;
@@ -15,8 +15,12 @@ use somersault::integrators::system::System;
 pub(crate) struct Plan {
     pub(crate) method: Method,
     pub(crate) options: Options,
+    /// Backwards they are those of the run of reversed time.
     pub(crate) steps: Steps,
+    pub(crate) backwards: bool,
     pub(crate) every: u64,
+    /// The times of the states to be kept, in the place of `every`.
+    pub(crate) t_eval: Option<Vec<f64>>,
     pub(crate) dense: bool,
     pub(crate) calls_python: bool,
     pub(crate) return_interrupted: bool,
@@ -26,6 +30,12 @@ impl Plan {
     /// The run of a system.
     pub(crate) fn run<'a, S: System>(&self, system: &'a S) -> Run<'a, S, ByMethod> {
         Run::new(system, self.method, self.steps).with_options(self.options)
+    }
+
+    /// Start and end.
+    pub(crate) fn interval(&self) -> (f64, f64) {
+        let (start, end) = self.steps.interval();
+        if self.backwards { (-start, -end) } else { (start, end) }
     }
 
     /// The solution, or the exception with the solution as its attribute.
@@ -39,6 +49,18 @@ impl Plan {
     }
 }
 
+/// The times to keep the states at, and the number of steps between those kept otherwise.
+pub(crate) fn kept(t_eval: Option<&Bound<'_, PyAny>>, every: i64) -> Result<(Option<Vec<f64>>, u64), Error> {
+    let every = every_of(every)?;
+    let t_eval = t_eval.map(|times| real_numbers("t_eval", times)).transpose()?;
+    if t_eval.is_some() && every != 1 {
+        return Err(Error::input(
+            "`every` counts steps, and `t_eval` gives the times to keep: give one of them",
+        ));
+    }
+    Ok((t_eval, every))
+}
+
 /// The arguments that choose the steps.
 pub(crate) struct StepArguments {
     pub(crate) dt: Option<f64>,
@@ -50,6 +72,18 @@ pub(crate) struct StepArguments {
 }
 
 impl StepArguments {
+    /// Steps forwards or backwards, which those of the run of reversed time are, and which of the two.
+    pub(crate) fn either_way(self, method: Method, (start, end): (f64, f64)) -> Result<(Steps, bool), Error> {
+        if start == end || !start.is_finite() || !end.is_finite() {
+            return Err(Error::input(format!(
+                "`interval` must lead from one finite time to another, found ({start}, {end})"
+            )));
+        }
+        let backwards = end < start;
+        let steps = self.steps(method, if backwards { (-start, -end) } else { (start, end) })?;
+        Ok((steps, backwards))
+    }
+
     /// Fixed steps where `dt` is given, adapted ones where it is not.
     pub(crate) fn steps(self, method: Method, interval: (f64, f64)) -> Result<Steps, Error> {
         match self.dt {

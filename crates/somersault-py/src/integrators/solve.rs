@@ -6,7 +6,10 @@ use crate::integrators::monitor::Monitor;
 use crate::integrators::plan::Plan;
 use crate::integrators::seen::Seen;
 use somersault::integrators::driver::{IntegrateError, Outcome, Status};
+use somersault::integrators::reversal::{Backwards, reversed};
+use somersault::integrators::run::{ByMethod, Engages};
 use somersault::integrators::state::State;
+use somersault::integrators::system::{StateOf, System};
 
 /// How a run ended and what it took.
 pub(crate) struct Ended<Q: Seen> {
@@ -37,4 +40,23 @@ pub(crate) trait Bodies: Sync {
         plan: &Plan,
         observer: &mut Monitor<Self::Configuration>,
     ) -> Ended<Self::Configuration>;
+}
+
+/// Runs a system that locates no events; backwards it is that of reversed time.
+pub(crate) fn integrate<S: System>(
+    system: &S,
+    initial: &StateOf<S>,
+    plan: &Plan,
+    observer: &mut Monitor<S::Configuration>,
+) -> Result<Outcome<S::Configuration>, IntegrateError>
+where
+    ByMethod: Engages<S>,
+{
+    if plan.backwards {
+        let mut observer = Backwards(observer);
+        let run = plan.run(system).observed_by(&mut observer);
+        run.from(&reversed(initial)).map_err(IntegrateError::backwards)
+    } else {
+        plan.run(system).observed_by(observer).from(initial)
+    }
 }

@@ -9,7 +9,9 @@ use crate::integrators::bodies::{RigidBody, State};
 use crate::integrators::event::{Event, Events};
 use crate::integrators::forces::Reader;
 use crate::integrators::seen::{Curves, Seen};
+use crate::integrators::watching::EventsByFunction;
 use crate::multibody::model::Model;
+use numpy::PyArray1;
 use pyo3::exceptions::{PyIndexError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
@@ -263,7 +265,7 @@ impl Trajectory {
     #[getter]
     fn t<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
         let made = self.made[Made::T as usize]
-            .get_or_init(py, || numpy::PyArray1::from_slice(py, &self.times).into_any().unbind());
+            .get_or_init(py, || PyArray1::from_slice(py, &self.times).into_any().unbind());
         made.bind(py).clone()
     }
 
@@ -421,6 +423,25 @@ impl Log {
     }
 }
 
+/// The events of functions that a run was given.
+struct FunctionEvents {
+    /// An array of times for each.
+    times: Py<PyTuple>,
+    /// A trajectory for each, of its states.
+    states: Py<PyTuple>,
+}
+
+impl FunctionEvents {
+    fn of<Q: Seen>(py: Python<'_>, cast: &Cast, each: EventsByFunction<Q>) -> PyResult<Self> {
+        let times = PyTuple::new(py, each.iter().map(|(times, _)| PyArray1::from_slice(py, times)))?;
+        let states = each.into_iter().map(|(times, states)| {
+            Py::new(py, Trajectory::new(cast.clone(), times, states.iter().flat_map(Q::split).collect()))
+        });
+        let states = PyTuple::new(py, states.collect::<PyResult<Vec<_>>>()?)?;
+        Ok(Self { times: times.unbind(), states: states.unbind() })
+    }
+}
+
 /// The contacts that a run was given.
 pub(crate) struct Given {
     /// Those of the one body, or a tuple of them for each of several.
@@ -478,6 +499,8 @@ fn listed<'py>(py: Python<'py>, value: Option<&Bound<'py, PyAny>>) -> PyResult<B
 pub(crate) struct Solution {
     report: Report,
     log: Log,
+    /// None where no functions were given.
+    watched: Option<FunctionEvents>,
     /// None where it was read from a file that does not have them.
     given: Option<Given>,
     dense: Option<Py<DenseOutput>>,
@@ -486,12 +509,13 @@ pub(crate) struct Solution {
 }
 
 impl Solution {
-    /// What a recorder leaves, as a Python object.
+    /// What a run leaves, as a Python object.
     pub(crate) fn create<Q: Seen>(
         py: Python<'_>,
         cast: Cast,
-        mut recorded: solution::Solution<Q>,
-        dense: bool,
+        recorded: solution::Solution<Q>,
+        curves: Option<solution::Solution<Q>>,
+        watched: Option<EventsByFunction<Q>>,
         report: Report,
         events: Events<Q>,
         given: Given,
@@ -502,19 +526,15 @@ impl Solution {
         let stretches = recorded.states.iter().flat_map(Q::stretches).copied().collect();
         let events = PyTuple::new(py, events)?.unbind();
         let log = Log { events, count, trials, substeps, contacts, stretches };
-        let times = std::mem::take(&mut recorded.times);
         let states = recorded.states.iter().flat_map(Q::split).collect();
-        let dense = if dense {
-            // The curves know their ends; of the states only a first is needed, to be written into.
-            recorded.times = times.first().copied().into_iter().collect();
-            recorded.states.truncate(1);
-            let curves = Arc::new(Q::curves(recorded));
-            Some(Py::new(py, DenseOutput { cast: cast.clone(), curves })?)
-        } else {
-            None
-        };
-        let trajectory = Trajectory::new(cast, times, states);
-        let own = Self { report, log, given: Some(given), dense, touches: PyOnceLock::new() };
+        let dense = curves.map(|curves| {
+            let curves = Arc::new(Q::curves(curves));
+            Py::new(py, DenseOutput { cast: cast.clone(), curves })
+        });
+        let dense = dense.transpose()?;
+        let watched = watched.map(|each| FunctionEvents::of(py, &cast, each)).transpose()?;
+        let trajectory = Trajectory::new(cast, recorded.times, states);
+        let own = Self { report, log, watched, given: Some(given), dense, touches: PyOnceLock::new() };
         Py::new(py, PyClassInitializer::from(trajectory).add_subclass(own))
     }
 
@@ -565,12 +585,12 @@ impl Solution {
 
 value! {
     impl Solution {
-        /// int: 0 if the end of the interval was reached, 1 if the observer stopped the run, -1 if it was
-        /// interrupted, -2 if it failed.
+        /// int: 0 if the end of the interval was reached, 1 if a terminal event ended the run or the observer stopped it, -1 if
+        /// it was interrupted, -2 if it failed.
         status: i32 = |own| own.report.status;
         /// str: The same in words.
         message: &str = |own| &own.report.message;
-        /// bool: Whether the run ended as asked, by its interval or its observer.
+        /// bool: Whether the run ended as asked, by its interval, a terminal event or its observer.
         success: bool = |own| own.report.status >= 0;
         /// int: How often the equations of motion were evaluated, for all bodies at once.
         ///
@@ -581,6 +601,10 @@ value! {
         n_steps: u64 = |own| own.report.n_steps;
         /// int: Steps tried and rejected by the step size control.
         n_rejected: u64 = |own| own.report.n_rejected;
+        /// tuple of ndarray, or None: The times of the events of each function in `events=`, s. None where no functions were given.
+        t_events: Option<Py<PyTuple>> = |own, py| own.watched.as_ref().map(|found| found.times.clone_ref(py));
+        /// tuple of Trajectory, or None: The states at these times, for each function.
+        y_events: Option<Py<PyTuple>> = |own, py| own.watched.as_ref().map(|found| found.states.clone_ref(py));
         /// tuple of Event: What happened in contacts, in the order of time, where events were located and kept.
         events: Py<PyTuple> = |own, py| own.log.events.clone_ref(py);
         /// int: Number of events located, kept or not.
@@ -654,11 +678,14 @@ impl Solution {
         let stretches: Vec<[f64; 3]> = stretches.iter().map(|&stretch| stretch.into()).collect();
         let log = (events, *count, *trials, *substeps, *contacts, stretches);
         let given = slf.get().given.as_ref().map(|given| given.written(py)).transpose()?.flatten();
-        by_restore(slf, (base, (status, message, nfev, n_steps, n_rejected), log, given))
+        let watched = slf.get().watched.as_ref();
+        let watched = watched.map(|found| (found.times.clone_ref(py), found.states.clone_ref(py)));
+        by_restore(slf, (base, (status, message, nfev, n_steps, n_rejected), log, given, watched))
     }
 
     /// A pickled solution; the dense output is not part of it.
     #[classmethod]
+    #[pyo3(signature = (arrays, report, log, given, watched=None))]
     fn _restore(
         _: &Bound<'_, PyType>,
         py: Python<'_>,
@@ -666,6 +693,7 @@ impl Solution {
         report: (i32, String, u64, u64, u64),
         log: (Py<PyTuple>, u64, u64, u64, usize, Vec<[f64; 3]>),
         given: Option<(Py<PyTuple>, Py<PyTuple>)>,
+        watched: Option<(Py<PyTuple>, Py<PyTuple>)>,
     ) -> Result<Py<Self>, Error> {
         let [body, t, position, quaternion, velocity, angular_velocity] = &arrays;
         let base = Trajectory::from_arrays(body, t, position, quaternion, velocity, angular_velocity)?;
@@ -679,7 +707,8 @@ impl Solution {
         let stretches = stretches.into_iter().map(Vector3::from).collect();
         let log = Log { events, count, trials, substeps, contacts, stretches };
         let given = given.map(|(contacts, pairs)| Given { contacts, pairs });
-        let own = Self { report, log, given, dense: None, touches: PyOnceLock::new() };
+        let watched = watched.map(|(times, states)| FunctionEvents { times, states });
+        let own = Self { report, log, watched, given, dense: None, touches: PyOnceLock::new() };
         Ok(Py::new(py, PyClassInitializer::from(base).add_subclass(own))?)
     }
 }

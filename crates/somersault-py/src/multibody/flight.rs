@@ -146,7 +146,9 @@ pub(crate) fn fly<'py>(
         method,
         options: Options { start_up: start_up_of(start_up)? },
         steps,
+        backwards: false,
         every: plan::every_of(every)?,
+        t_eval: None,
         dense: false,
         calls_python: true,
         return_interrupted: returns_interrupted(on_interrupt)?,
@@ -161,7 +163,7 @@ pub(crate) fn fly<'py>(
         monitor.supervise(py, &plan, |monitor| plan.run(&system).observed_by(monitor).from(&initial))?;
     let n_rejected = outcome.as_ref().map_or(0, |outcome| outcome.rejected);
     let status = outcome.map(|outcome| outcome.status).map_err(Error::from);
-    let Finish { recorded, steps, status, message, failed } = monitor.finish(py, status);
+    let Finish { recorded, steps, status, message, failed, .. } = monitor.finish(py, status);
     let nfev = motion.calls.load(Ordering::Relaxed);
     let report = Report { status, message, nfev, n_steps: steps, n_rejected };
     // What stopped the run keeps its callable from being asked again.
@@ -183,6 +185,6 @@ pub(crate) fn fly<'py>(
         // A shape that fails from the start leaves nothing to keep.
         return Err(failed.map_or(error, Error::from));
     }
-    let solution = TreeSolution::of(py, model, recorded.times, positions, velocities, report, None, None)?;
-    plan.deliver(py, failed, solution)
+    let solution = TreeSolution::of(py, model, recorded.times, positions, velocities, report)?;
+    plan.deliver(py, failed, Py::new(py, solution)?)
 }

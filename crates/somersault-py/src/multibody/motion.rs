@@ -10,12 +10,13 @@ use crate::integrators::methods;
 use crate::integrators::monitor::{Finish, Monitor, ProgressBar, Watch};
 use crate::integrators::plan::{self, Plan, StepArguments, start_up_of, stiff_of};
 use crate::integrators::trajectory::Report;
+use crate::integrators::watching::{EventFunctions, EventsByFunction};
 use crate::multibody::given::{Given, drive};
 use crate::multibody::model::Model;
 use numpy::PyArray1;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::{PyList, PyType};
+use pyo3::types::{PyList, PyTuple, PyType};
 use somersault::contact::tree::TouchingState;
 use somersault::integrators::augmented::Augmented;
 use somersault::integrators::events::{Interrupted, Located, Location};
@@ -157,7 +158,31 @@ pub(crate) struct TreeSolution {
     v: Py<PyAny>,
     report: Report,
     dense: Option<Py<TreeDenseOutput>>,
+    /// None where no functions were given.
+    watched: Option<FunctionEvents>,
     touches: Option<TreeTouches>,
+}
+
+/// The events of functions that a run was given: for each function an array of times, of configurations and of velocities.
+struct FunctionEvents([Py<PyTuple>; 3]);
+
+impl FunctionEvents {
+    fn of<Q: OfTree>(
+        py: Python<'_>,
+        model: &multibody::Model,
+        each: EventsByFunction<Q>,
+    ) -> Result<Self, Error> {
+        let [mut t_events, mut q_events, mut v_events] = [(); 3].map(|()| Vec::new());
+        for (times, states) in each {
+            let n = times.len();
+            let (q, v) = rows(model, states)?;
+            t_events.push(array(py, times, &[n])?);
+            q_events.push(array(py, q, &[n, model.n_positions()])?);
+            v_events.push(array(py, v, &[n, model.n_velocities()])?);
+        }
+        let tuple = |arrays| PyTuple::new(py, arrays).map(Bound::unbind);
+        Ok(Self([tuple(t_events)?, tuple(q_events)?, tuple(v_events)?]))
+    }
 }
 
 impl TreeSolution {
@@ -169,14 +194,13 @@ impl TreeSolution {
         q: Vec<f64>,
         v: Vec<f64>,
         report: Report,
-        dense: Option<Py<TreeDenseOutput>>,
-        touches: Option<TreeTouches>,
-    ) -> PyResult<Py<Self>> {
+    ) -> PyResult<Self> {
         let (n, tree) = (t.len(), &model.get().model);
         let q = array(py, q, &[n, tree.n_positions()])?.into_any().unbind();
         let v = array(py, v, &[n, tree.n_velocities()])?.into_any().unbind();
         let t = PyArray1::from_vec(py, t).into_any().unbind();
-        Py::new(py, Self { model: model.clone().unbind(), t, q, v, report, dense, touches })
+        let model = model.clone().unbind();
+        Ok(Self { model, t, q, v, report, dense: None, watched: None, touches: None })
     }
 }
 
@@ -190,12 +214,12 @@ value! {
         q: Py<PyAny> = |own, py| own.q.clone_ref(py);
         /// ndarray, shape (n, n_velocities): Velocities.
         v: Py<PyAny> = |own, py| own.v.clone_ref(py);
-        /// int: 0 if the end of the interval was reached, 1 if the observer stopped the run, -1 if it was
-        /// interrupted, -2 if it failed.
+        /// int: 0 if the end of the interval was reached, 1 if a terminal event ended the run or the observer stopped it, -1 if
+        /// it was interrupted, -2 if it failed.
         status: i32 = |own| own.report.status;
         /// str: The same in words.
         message: &str = |own| &own.report.message;
-        /// bool: Whether the run ended as asked, by its interval or its observer.
+        /// bool: Whether the run ended as asked, by its interval, a terminal event or its observer.
         success: bool = |own| own.report.status >= 0;
         /// int: How often the equations of motion were evaluated.
         nfev: u64 = |own| own.report.nfev;
@@ -205,6 +229,12 @@ value! {
         n_rejected: u64 = |own| own.report.n_rejected;
         /// TreeDenseOutput or None: Configuration and velocity at any time, where dense output was requested.
         sol: Option<Py<TreeDenseOutput>> = |own, py| own.dense.as_ref().map(|dense| dense.clone_ref(py));
+        /// tuple of ndarray, or None: The times of the events of each function in `events=`, s. None where no functions were given.
+        t_events: Option<Py<PyTuple>> = |own, py| own.event_arrays(py, 0);
+        /// tuple of ndarray, or None: The configurations at these times, for each function.
+        q_events: Option<Py<PyTuple>> = |own, py| own.event_arrays(py, 1);
+        /// tuple of ndarray, or None: The velocities at these times, for each function.
+        v_events: Option<Py<PyTuple>> = |own, py| own.event_arrays(py, 2);
         /// list of LinkContact and LinkPair: The contacts, those with surfaces first; empty where none were given.
         contacts: Py<PyAny> = |own, py| match &own.touches {
             Some(touches) => touches.contacts.clone_ref(py),
@@ -234,6 +264,11 @@ value! {
 }
 
 impl TreeSolution {
+    /// Times, configurations or velocities of the events of functions.
+    fn event_arrays(&self, py: Python<'_>, which: usize) -> Option<Py<PyTuple>> {
+        self.watched.as_ref().map(|found| found.0[which].clone_ref(py))
+    }
+
     /// An array of what contacts did.
     fn touching(&self, py: Python<'_>, of: impl Fn(&TreeTouches) -> &Py<PyAny>) -> Option<Py<PyAny>> {
         self.touches.as_ref().map(|touches| of(touches).clone_ref(py))
@@ -256,22 +291,25 @@ impl TreeSolution {
         let Report { status, message, nfev, n_steps, n_rejected } = own.report.clone();
         let arrays = (own.model(py), own.t(py), own.q(py), own.v(py));
         let touches = own.touches.as_ref().map(|touches| touches.pickled(py));
-        by_restore(slf, (arrays, (status, message, nfev, n_steps, n_rejected), touches))
+        let watched = own.watched.as_ref().map(|found| found.0.each_ref().map(|arrays| arrays.clone_ref(py)));
+        by_restore(slf, (arrays, (status, message, nfev, n_steps, n_rejected), touches, watched))
     }
 
     /// A pickled solution; the dense output is not part of it.
     #[classmethod]
-    #[pyo3(signature = (arrays, report, touches=None))]
+    #[pyo3(signature = (arrays, report, touches=None, watched=None))]
     fn _restore(
         _: &Bound<'_, PyType>,
         arrays: (Py<Model>, Py<PyAny>, Py<PyAny>, Py<PyAny>),
         report: (i32, String, u64, u64, u64),
         touches: Option<PickledTouches>,
+        watched: Option<[Py<PyTuple>; 3]>,
     ) -> Self {
         let (model, t, q, v) = arrays;
         let (status, message, nfev, n_steps, n_rejected) = report;
         let report = Report { status, message, nfev, n_steps, n_rejected };
-        Self { model, t, q, v, report, dense: None, touches: touches.map(TreeTouches::of_pickled) }
+        let watched = watched.map(FunctionEvents);
+        Self { model, t, q, v, report, dense: None, watched, touches: touches.map(TreeTouches::of_pickled) }
     }
 }
 
@@ -308,8 +346,11 @@ impl TreeSolution {
 ///     carry the load as far as friction can. Unstretched unless given.
 /// max_event_rate, keep_events, graze, max_substeps
 ///     As of `somersault.integrate`.
-/// rtol, atol, max_step, first_step, max_steps, start_up, dense_output, every
+/// rtol, atol, max_step, first_step, max_steps, start_up, dense_output, t_eval, every
 ///     As of `somersault.integrate`.
+/// events : callable or sequence of callable, optional
+///     Functions ``event(t, q, v) -> float`` of which changes of sign are looked for, with attributes ``terminal`` and
+///     ``direction`` as of `somersault.integrate`. The attributes `t_events`, `q_events` and `v_events` of the solution have them.
 /// observer : callable, optional
 ///     ``f(t, q, v)``, called after every step; the run stops where it returns something true.
 /// on_interrupt, progress
@@ -349,7 +390,7 @@ impl TreeSolution {
     model, q, v, interval, *, dt=None, method=None, torque=None, active=None, acceleration=None, contacts=None,
     stretches=None, max_event_rate=1e9, keep_events=true, graze=1e-6, max_substeps=Some(100_000), rtol=None,
     atol=None, max_step=None, first_step=None, max_steps=None, start_up="one_step", dense_output=false,
-    every=1, observer=None, on_interrupt="raise", progress=false
+    t_eval=None, events=None, every=1, observer=None, on_interrupt="raise", progress=false
 ))]
 pub(crate) fn integrate_tree<'py>(
     py: Python<'py>,
@@ -375,6 +416,8 @@ pub(crate) fn integrate_tree<'py>(
     #[pyo3(from_py_with = integer_or_none)] max_steps: Option<i64>,
     start_up: &str,
     dense_output: bool,
+    t_eval: Option<&Bound<'py, PyAny>>,
+    events: Option<&Bound<'py, PyAny>>,
     #[pyo3(from_py_with = integer)] every: i64,
     observer: Option<Bound<'py, PyAny>>,
     on_interrupt: &str,
@@ -406,21 +449,26 @@ pub(crate) fn integrate_tree<'py>(
     if stretches.is_some() && contacts.is_none() {
         return Err(Error::input("`stretches` are those of contacts, and there are none"));
     }
+    let events = events.map(|events| EventFunctions::extract("f(t, q, v)", events)).transpose()?;
+    let (t_eval, every) = plan::kept(t_eval, every)?;
     let location = Location { max_event_rate, keep_events, graze, stiff: stiff_of(max_substeps)? };
     let plan = Plan {
         method,
         options: Options { start_up: start_up_of(start_up)? },
         steps,
-        every: plan::every_of(every)?,
+        backwards: false,
+        every,
+        t_eval,
         dense: dense_output,
         calls_python: observer.is_some()
+            || events.is_some()
             || torque.is_callable()
             || acceleration.is_callable()
             || contacts.as_ref().is_some_and(|contacts| contacts.calls_python(py)),
         return_interrupted: returns_interrupted(on_interrupt)?,
     };
     let system = TreeSystem::new(tree, &torque).driven(split, drive(&acceleration))?;
-    let requested = Requested { model, plan: &plan, torque: &torque, observer, progress, interval };
+    let mut requested = Requested { model, plan: &plan, torque: &torque, observer, events, progress };
     let touches = contacts.is_some();
     // Steps end at knots where events are located.
     let contacts = contacts.or_else(|| torque.has_knots().then(TreeContactList::default));
@@ -459,14 +507,14 @@ struct Requested<'a, 'py> {
     plan: &'a Plan,
     torque: &'a Given,
     observer: Option<Bound<'py, PyAny>>,
+    events: Option<EventFunctions>,
     progress: bool,
-    interval: (f64, f64),
 }
 
 impl Requested<'_, '_> {
     /// What records and watches it.
     fn monitor<Q: OfTree>(
-        &self,
+        &mut self,
         py: Python<'_>,
         initial: &State<Q>,
         failure: &Failure,
@@ -480,10 +528,17 @@ impl Requested<'_, '_> {
                 answer.bind(py).is_truthy()
             })
         });
-        let (start, end) = self.interval;
+        let (start, end) = self.plan.interval();
         let bar = if self.progress { Some(ProgressBar::open(py, start, end)?) } else { None };
         let numbers = tree.n_positions() + tree.n_velocities();
-        Monitor::try_new(self.plan, initial, numbers, watch, bar, failure.clone())
+        let monitor = Monitor::try_new(self.plan, initial, numbers, watch, bar, failure.clone())?;
+        let model = self.model.clone().unbind();
+        Ok(monitor.looking_for(py, self.events.take(), || {
+            Box::new(move |py, t, x| {
+                let (q, v) = coordinates(&model.get().model, x)?;
+                Ok((t, PyArray1::from_vec(py, q), PyArray1::from_vec(py, v)).into_pyobject(py)?.unbind())
+            })
+        }))
     }
 
     /// The solution of what was recorded.
@@ -495,20 +550,18 @@ impl Requested<'_, '_> {
         touches: impl FnOnce(&[State<Q>]) -> Result<Option<TreeTouches>, Error>,
     ) -> Result<Py<TreeSolution>, Error> {
         let (model, tree) = (self.model, &self.model.get().model);
-        let Finish { mut recorded, steps, status, message, failed } = finish;
+        let Finish { recorded, curves, watched, steps, status, message, failed } = finish;
         let nfev = self.torque.calls();
         let report = Report { status, message, nfev, n_steps: steps, n_rejected };
         let touches = touches(&recorded.states)?;
-        let (t, (q, v)) = (recorded.times.clone(), rows(tree, recorded.states.iter().cloned())?);
-        let dense = if self.plan.dense {
-            // The curves know their ends; of the states only a first is needed, to be written into.
-            recorded.times.truncate(1);
-            recorded.states.truncate(1);
+        let (q, v) = rows(tree, recorded.states)?;
+        let mut solution = TreeSolution::of(py, model, recorded.times, q, v, report)?;
+        solution.touches = touches;
+        solution.watched = watched.map(|each| FunctionEvents::of(py, tree, each)).transpose()?;
+        if self.plan.dense {
             let model = model.clone().unbind();
-            Some(Py::new(py, TreeDenseOutput { model, curves: Box::new(recorded) })?)
-        } else {
-            None
-        };
-        self.plan.deliver(py, failed, TreeSolution::of(py, model, t, q, v, report, dense, touches)?)
+            solution.dense = Some(Py::new(py, TreeDenseOutput { model, curves: Box::new(curves) })?);
+        }
+        self.plan.deliver(py, failed, Py::new(py, solution)?)
     }
 }

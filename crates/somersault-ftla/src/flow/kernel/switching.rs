@@ -169,7 +169,7 @@ impl Seen {
         step.look_at_end(then);
         let (t, h) = (step.t, step.h);
         let tolerance = 2.0 * f64::EPSILON * t.abs().max(h.abs());
-        let mut search = EventSearch { step, trail, before: here, graze: 0.0, tolerance };
+        let mut search = EventSearch { step, trail, from: 0.0, before: here, graze: 0.0, tolerance };
         Ok(search.earliest(h.abs(), then)?.map(|size| size.copysign(h)))
     }
 }
