@@ -1,6 +1,7 @@
 //! What a reconstruction found.
 
 use super::MarkerNoise;
+use crate::phases::FlightPhase;
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -92,6 +93,11 @@ pub struct ReconstructedFlight {
     pub velocity: Quantity,
     /// g over that of the model, and its standard deviation, 0 if it was not sought.
     pub gravity: [f64; 2],
+    /// g over that of the model as the recording has it, and its standard deviation: where it was not sought, one step of the search
+    /// from the minimum; the deviation is NaN where there is none.
+    pub seen_gravity: [f64; 2],
+    /// Take-off and entry, where they were sought.
+    pub phase: Option<FlightPhase>,
     /// How far the centre of mass rises above its place in the first frame, m.
     pub height: f64,
     /// Standard deviation of the somersaults and of the twists of the whole flight.

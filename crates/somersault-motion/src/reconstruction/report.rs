@@ -285,6 +285,9 @@ impl Report<'_> {
         flight.velocity = Quantity { value: velocity, deviation: three(6) };
         flight.scale[1] = deviation(9);
         flight.gravity[1] = deviation(10);
+        if layout.has_gravity {
+            flight.seen_gravity = flight.gravity;
+        }
         // along the gravity of the estimate
         let down = gravity * estimate.gravity;
         let up = -velocity.dot(&down);

@@ -8,6 +8,7 @@ mod fitting;
 mod groups;
 mod hostile;
 mod judged;
+mod phases;
 mod readers;
 mod reconstruction;
 mod recorded;
