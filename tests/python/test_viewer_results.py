@@ -225,6 +225,8 @@ WITHOUT = {
     "ExponentConvergence",
     "ExternalFunction",
     "Failure",
+    "FlightPhase",
+    "FlightReport",
     "Following",
     "Force",
     "ForceModel",

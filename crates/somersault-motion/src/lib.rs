@@ -14,6 +14,7 @@
 //! | markers → scale, pose, joint angles or eigenweights of a model | [`fit`] | 4.2 |
 //! | heights, markers → take-off and entry | [`phases`] | – |
 //! | markers of a flight → momentum and motion that obey the laws of flight | [`reconstruction`] | – |
+//! | a reconstructed flight → dive number and figures, with intervals | [`identification`] | – |
 //! | eigenpostures of motions, projection on a base, comparison of groups | [`analysis`] | 4.1.1, 4.2 |
 //! | motions with scores that users provide | [`judged`] | 4.1.2 |
 //! | motions → scores | [`scoring`] | 4.1 |
@@ -32,6 +33,7 @@
 
 pub mod analysis;
 pub mod fit;
+pub mod identification;
 pub mod judged;
 mod noise;
 pub mod phases;

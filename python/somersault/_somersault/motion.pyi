@@ -496,6 +496,16 @@ class ReconstructedFlight:
     def message(self) -> str: ...
     def __len__(self) -> int: ...
 
+def find_flight(
+    recording: MarkerRecording | ArrayLike,
+    *,
+    markers: MarkerSet | None = None,
+    times: ArrayLike | None = None,
+    gravity: float | None = None,
+) -> FlightPhase: ...
+def identify_flight(
+    flight: ReconstructedFlight, *, facing: Literal["water", "board"] | None = None
+) -> FlightReport: ...
 def reconstruct_flight(
     markers: MarkerSet,
     recording: MarkerRecording,

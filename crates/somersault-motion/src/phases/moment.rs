@@ -32,7 +32,7 @@ const N_KNOTS: usize = 10;
 const SPACING: f64 = 0.05;
 /// Standard deviations, over gravity, of the acceleration with which a force ends at once, of its change in 0.1 s, whose mean is as large, and
 /// of what this changes by from knot to knot.
-const JUMP: f64 = 1.0;
+const JUMP: f64 = 2.0;
 const SLOPE: f64 = 3.0;
 const CHANGE: f64 = 6.0;
 /// Columns: the line, the force, the height.

@@ -81,6 +81,11 @@ pub enum PhaseDoubt {
         /// To here.
         end: f64,
     },
+    /// The curvature within the flight, m/s², is not that of gravity, though no other parabola fits longer.
+    Curvature {
+        /// The curvature.
+        found: f64,
+    },
     /// The interval of the take-off or the entry is longer than 0.2 s: the noise is too large.
     Wide {
         /// Its length, s.
@@ -100,6 +105,12 @@ impl fmt::Display for PhaseDoubt {
                 write!(
                     f,
                     "no heights are known from {start:.2} to {end:.2} s, where the flight begins or ends"
+                )
+            }
+            Self::Curvature { found } => {
+                write!(
+                    f,
+                    "heights fall with {found:.2} m/s², and not with gravity: noise, rate or unit are other than they seem"
                 )
             }
             Self::Wide { width } => {
@@ -134,6 +145,8 @@ pub struct FlightPhase {
 const MARGIN: f64 = 12.0;
 /// Standard deviations, and fraction of gravity, by which a curvature is not that of gravity.
 const OTHER: (f64, f64) = (5.0, 0.04);
+/// And fraction of gravity by which a stretch that keeps to it as well as noise lets it is no flight.
+const PUSH: f64 = 0.5;
 /// Fraction of gravity that the deviation of the curvature must not exceed.
 const TOLD: f64 = 0.2;
 /// Of the score of a flight, at which there are two.
@@ -145,9 +158,9 @@ const ROUNDS: usize = 2;
 /// The longest interval, and the longest gap, that are not doubtful, s.
 const WIDE: f64 = 0.2;
 const GAP: f64 = 0.06;
-/// Chance of a moment outside of the record from which on the record may begin or end in flight: small, since the centre of mass of fits
-/// to single frames errs with the posture too.
-const OUTSIDE: f64 = 1e-4;
+/// Chance of a moment outside of the record from which on the record may begin or end in flight: that of an outlier of six standard
+/// deviations in the first frame. Rest, a push or water leave much less of it.
+const OUTSIDE: f64 = 1e-8;
 
 /// Take-off and entry of a body whose centre of mass is at these heights, m, at these times, s, where gravity is as given, m/s².
 ///
@@ -198,9 +211,8 @@ pub fn find_flight(times: &[f64], heights: &[Option<f64>], gravity: f64) -> Resu
         }
     }
     let [take_off, entry] = found;
-    let inside = frames_of(take_off.bounds[1], entry.bounds[0]);
-    let own =
-        (inside.len() >= LEAST_FRAMES).then(|| curvature(&weighed(&record, inside, &noise).0)).flatten();
+    let inside = trimmed(&record, &stretch.frames);
+    let own = curvature(&weighed(&record, inside, &noise).0);
     let [own, deviation] = own.unwrap_or([f64::NAN; 2]);
     let is_told = deviation <= TOLD * curve;
     let is_other = is_another(own, deviation, gravity);
@@ -209,8 +221,12 @@ pub fn find_flight(times: &[f64], heights: &[Option<f64>], gravity: f64) -> Resu
         noise,
         ..FlightPhase::not_found(gravity)
     };
-    if !is_told || (is_other && curve == gravity) {
+    let is_push = is_other && curve == gravity && (own - gravity).abs() > PUSH * gravity;
+    if !is_told || is_push {
         return Ok(phase);
+    }
+    if is_other && curve == gravity {
+        phase.doubts.push(PhaseDoubt::Curvature { found: own });
     }
     phase.take_off = at(&record, &take_off);
     phase.entry = at(&record, &entry);
@@ -226,12 +242,12 @@ pub fn find_flight(times: &[f64], heights: &[Option<f64>], gravity: f64) -> Resu
     }
     let deviation = take_off.deviation.hypot(entry.deviation);
     phase.duration = WithInterval::normal(phase.entry.value - phase.take_off.value, deviation);
-    if !phase.doubts.is_empty() {
+    if take_off.outside.max(entry.outside) > OUTSIDE {
         phase.duration.upper = f64::INFINITY;
     }
     phase.doubts.extend(doubts(&record, &stretch, size, curve, [&take_off, &entry]));
     phase.status = match phase.doubts.is_empty() {
-        _ if is_other => PhaseStatus::OtherGravity,
+        _ if is_other && curve != gravity => PhaseStatus::OtherGravity,
         true => PhaseStatus::Found,
         false => PhaseStatus::Uncertain,
     };

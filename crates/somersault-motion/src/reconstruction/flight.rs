@@ -66,6 +66,11 @@ pub struct FlightFrame {
     pub moment_of_inertia_deviation: f64,
     /// Inertia about the centre of mass in axes of the world, of the body with its joints locked, kg m².
     pub inertia: Matrix3<f64>,
+    /// Angle of the body's long axis from the vertical about the axis of the somersault, forwards positive, whole turns counted, rad:
+    /// between −π and π in the first frame.
+    pub inclination: f64,
+    /// Its standard deviation.
+    pub inclination_deviation: f64,
     /// Somersaults since the first frame, forwards positive.
     pub somersaults: f64,
     /// Twists since the first frame, to the left positive.

@@ -7,6 +7,7 @@ mod files;
 mod fitting;
 mod groups;
 mod hostile;
+mod identification;
 mod judged;
 mod phases;
 mod readers;
