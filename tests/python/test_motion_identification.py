@@ -16,7 +16,7 @@ STRAIGHT, PIKE = DIVER.configuration("A"), DIVER.configuration("H")
 
 
 @cache
-def flight(spin: float = -6.2) -> motion.ReconstructedFlight:
+def flight(spin: float = -7.5) -> motion.ReconstructedFlight:
     """Two and a half somersaults in a pike, markers with noise of 20 mm."""
 
     def fold(t: float) -> tuple[Any, Any]:

@@ -130,6 +130,7 @@ fn log_dimensionless_jerk(angle: &[f64], duration: f64) -> Option<f64> {
 mod tests {
     use super::*;
     use somersault_core::argument::ArgumentError;
+    use somersault_multibody::DynamicsError;
     use somersault_multibody::models::{Diver, Posture};
 
     /// Frames from posture A to `posture` and back, w = sin² of π times the fraction.

@@ -49,7 +49,7 @@ const ENDS: f64 = 0.25;
 /// Twist for each turn of the somersault from which on the body twists.
 const TWISTING: f64 = 0.25;
 /// Somersaults that a flying dive turns before it is folded, and how sharp that is.
-const FLYING: (f64, f64) = (0.42, 0.04);
+const FLYING: (f64, f64) = (0.46, 0.03);
 
 /// Angles of a flight.
 pub(super) struct Angles {

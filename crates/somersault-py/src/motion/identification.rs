@@ -47,7 +47,7 @@ use somersault::motion::identification::{
 /// ...     w, rate = np.sin(np.pi * t / 1.2) ** 2, np.pi / 1.2 * np.sin(2 * np.pi * t / 1.2)
 /// ...     return straight[3:] + w * (pike - straight)[3:], rate * (pike - straight)[3:]
 /// >>> v = np.zeros(12)
-/// >>> v[:3] = 1.0, 5.0, -6.2
+/// >>> v[:3] = 1.0, 5.0, -7.5
 /// >>> true = multibody.fly(diver.model, straight, v, fold, (0.0, 1.2), dt=0.02)
 /// >>> markers = motion.MarkerSet.joint_centres(diver.model)
 /// >>> seen = motion.place_markers(markers, true.t, true.q)

@@ -22,7 +22,8 @@ const EARTH: f64 = 9.81;
 /// integrated out, and what is left is the probability of each moment between frames. The noise of the heights, white and correlated, is
 /// estimated by restricted likelihood.
 ///
-/// At noise of 9 to 30 mm, 50 to 240 frames a second, the middle error is 9 to 22 ms, and intervals hold the truth in 96 of 100 cases. Seconds for 20 000
+/// At noise of 9 to 30 mm, 50 to 240 frames a second, the middle error is 6 to 20 ms, and intervals hold the truth in 97 of 100 cases. A force
+/// that begins at once with several times the weight is seen up to 50 ms early. Seconds for 20 000
 /// frames, milliseconds for 200. Other Python threads run meanwhile. Ctrl-C raises at once.
 ///
 /// Parameters
@@ -54,7 +55,7 @@ const EARTH: f64 = 9.81;
 /// >>> import numpy as np
 /// >>> from somersault import motion
 /// >>> t = np.arange(0.0, 2.2, 0.01)
-/// >>> force = np.select([t < 0.5, t < 0.8, t < 1.8], [1.0, 2.667, 0.0], 4.0)
+/// >>> force = np.interp(t, [0.5, 0.55, 0.74, 0.8, 1.8, 1.9], [1.0, 2.7, 2.7, 0.0, 0.0, 4.0])
 /// >>> speed = np.cumsum(9.81 * (force - 1.0)) * 0.01
 /// >>> heights = np.cumsum(speed) * 0.01 + np.random.default_rng(1).normal(0.0, 0.01, len(t))
 /// >>> flight = motion.find_flight(heights, times=t)
