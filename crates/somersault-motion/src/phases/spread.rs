@@ -9,10 +9,15 @@ use std::ops::Range;
 const CORRELATED: [f64; 5] = [0.3, 0.5, 0.7, 0.85, 0.95];
 const TIMES: [f64; 4] = [0.05, 0.1, 0.2, 0.4];
 
+/// Least noise, over the largest height: less is lost in the rounding of squares.
+const LEAST: f64 = 1e-5;
+
 /// The noise of `frames`, which keep to a parabola of this curvature.
 pub(super) fn noise_of(record: &Record, frames: Range<usize>, gravity: f64) -> MarkerNoise {
     let correlated = CORRELATED.iter().flat_map(|share| TIMES.map(|time| (*share, time)));
-    let mut best = (f64::NEG_INFINITY, MarkerNoise::white(f64::MIN_POSITIVE.sqrt()));
+    let largest = record.heights.iter().fold(f64::MIN_POSITIVE, |largest, z| largest.max(z.abs()));
+    let least = LEAST * largest;
+    let mut best = (f64::NEG_INFINITY, MarkerNoise::white(least));
     for (share, time) in std::iter::once((0.0, TIMES[1])).chain(correlated) {
         let noise = MarkerNoise { size: 1.0, correlated: share, time };
         let (rows, log) = weighed(record, frames.clone(), &noise);
@@ -26,7 +31,7 @@ pub(super) fn noise_of(record: &Record, frames: Range<usize>, gravity: f64) -> M
         }
         let Some(solved) = known.try_inverse().map(|inverse| inverse * by_height) else { continue };
         let n = rows.len() as f64 - 2.0;
-        let variance = ((squares - by_height.dot(&solved)) / n).max(f64::MIN_POSITIVE);
+        let variance = ((squares - by_height.dot(&solved)) / n).max(least * least);
         let likelihood = -0.5 * (n * variance.ln() + log + known.determinant().ln());
         if likelihood > best.0 {
             best = (likelihood, MarkerNoise { size: variance.sqrt(), ..noise });

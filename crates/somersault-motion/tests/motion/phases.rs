@@ -194,6 +194,16 @@ fn what_is_doubtful_is_said() {
 }
 
 #[test]
+fn a_parabola_without_noise_is_a_flight() {
+    let times: Vec<f64> = (0..50).map(|i| 0.02 * f64::from(i)).collect();
+    let heights: Vec<_> = times.iter().map(|t| Some(4.0 * t - 0.5 * G * t * t)).collect();
+    let found = find_flight(&times, &heights, G).unwrap();
+    assert_eq!(found.status, PhaseStatus::Uncertain, "{found:?}");
+    assert_eq!(found.interval(), Some((f64::NEG_INFINITY, f64::INFINITY)));
+    assert!((found.gravity.value - G).abs() < 1e-3);
+}
+
+#[test]
 fn rest_and_pushes_are_no_flight() {
     let record = USUAL.record(&mut ChaCha8Rng::seed_from_u64(5));
     let [take_off, entry] = record.flight;
