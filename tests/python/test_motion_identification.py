@@ -42,11 +42,16 @@ def test_a_dive_is_identified() -> None:
     assert found.group == "somersaults" and found.directions == {"forward": 1.0}
     assert found.positions["pike"] > 0.95 and found.half_somersaults == 5 and found.half_twists == 0
     assert next(iter(found.alternatives)) == "105B" and found.alternatives["105B"] > 0.9
-    for name in ("somersaults", "height", "speed", "take_off_angle", "angular_momentum", "least_inertia",
-                 "greatest_inertia", "hip", "knee", "entry_angle", "gravity", "twists", "duration"):  # fmt: skip
+    for name in (
+        "somersaults", "height", "speed", "take_off_angle", "angular_momentum", "least_inertia",
+        "greatest_inertia", "hip", "knee", "entry_angle", "gravity", "twists", "duration",
+    ):  # fmt: skip
         lower, upper = getattr(found, f"{name}_interval")
         assert lower <= getattr(found, name) <= upper, name
-    assert abs(found.gravity - 9.81) < 0.2 and abs(found.speed - np.hypot(*found.flight.take_off_velocity[::2])) < 1e-9
+    assert (
+        abs(found.gravity - 9.81) < 0.2
+        and abs(found.speed - np.hypot(*found.flight.take_off_velocity[::2])) < 1e-9
+    )
 
 
 def test_where_the_board_is_decides_the_group() -> None:

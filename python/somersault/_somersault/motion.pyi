@@ -549,6 +549,7 @@ def find_flight(
     times: ArrayLike | None = None,
     gravity: float | None = None,
 ) -> FlightPhase: ...
+
 @final
 class FlightReport:
     @property

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use somersault_multibody::{Data, DynamicsError, Model};
 use std::f64::consts::{PI, TAU};
 
-/// What became of an identification.
+/// How an identification ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum IdentificationStatus {
     /// One dive number has at least 90 %.

@@ -24,7 +24,7 @@ struct Dived {
     flight: [f64; 2],
 }
 
-/// How long before the take-off and after the entry the record goes on, s.
+/// How long before the take-off and after the entry the record lasts, s.
 const BESIDES: f64 = 0.24;
 
 /// A planar dive with this many somersaults, folded into a posture and out of it, 50 frames a second.
