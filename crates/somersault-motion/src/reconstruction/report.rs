@@ -100,7 +100,7 @@ impl Report<'_> {
             let moment_of_inertia_deviation =
                 (&by_moment * covariance * by_moment.transpose())[(0, 0)].sqrt();
             let by_turn = self.counting().gradients(&travelling[i])[0];
-            let inclination_deviation = by_turn.dot(&(&of_attitude * by_turn)).max(0.0).sqrt();
+            let inclination_deviation = by_turn.dot(&(of_attitude * by_turn)).max(0.0).sqrt();
             found.push(FlightFrame {
                 time: t,
                 q,
