@@ -76,7 +76,10 @@ class ChatteringError(IntegrationError):
 
 
 class SensitivityError(SomersaultError):
-    """The motion has no derivative: it grazes a surface, a nearest point under friction jumps in its rate, or it is no isolated optimum."""
+    """The motion has no derivative.
+
+    It grazes a surface, the rate of a nearest point jumps under friction, or it is no isolated optimum.
+    """
 
 
 class DynamicsError(SomersaultError):

@@ -581,6 +581,7 @@ motion.Band(rows)
 comparison = motion.GroupComparison({"a": [fitted], "b": [fitted]}, "marker_error", n_frames=10)
 comparison.series("a")
 comparison.bands()
+motion.find_flight(4.0 * stamps - 4.905 * stamps**2, times=stamps, gravity=9.81)
 motion.reconstruct_flight(
     motion.MarkerSet(
         somersault.Model([multibody.Link("body", "free", mass=1.0, inertia=np.eye(3))]), {"a": (0, (0, 0, 0))}

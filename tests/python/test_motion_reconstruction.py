@@ -78,7 +78,8 @@ def test_arrays_have_the_shapes_that_are_documented() -> None:
     shapes = {
         "q": (n, 12), "v": (n, 12), "deviations": (n, 10), "angular_velocity": (n, 3),
         "angular_velocity_deviation": (n, 3), "moment_of_inertia_deviation": (n,), "inertia": (n, 3, 3),
-        "twists": (n,), "tilt": (n,), "covariance": (11, 11), "residuals": (n, 10),
+        "twists": (n,), "tilt": (n,), "inclination": (n,), "inclination_deviation": (n,),
+        "covariance": (11, 11), "residuals": (n, 10),
     }  # fmt: skip
     for name, shape in shapes.items():
         assert np.shape(getattr(found, name)) == shape, name
@@ -91,9 +92,9 @@ def test_pickles_and_pictures_take_it() -> None:
     again = pickle.loads(pickle.dumps(found))
     for name in dir(found):
         value = getattr(found, name)
-        if not name.startswith("_") and not callable(value) and name not in {"markers", "model"}:
+        if not name.startswith("_") and not callable(value) and name not in {"markers", "model", "phase"}:
             np.testing.assert_equal(getattr(again, name), value)
-    assert repr(again) == repr(found)
+    assert repr(again) == repr(found) and repr(again.phase) == repr(found.phase)
     assert len(plotting.tree_motion(found, ["thigh"]).lines) == 1
 
 

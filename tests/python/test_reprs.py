@@ -352,6 +352,8 @@ MADE: dict[str, Callable[[], Any]] = {
     "Baseline": lambda: validation().baselines[0],
     "Correlation": lambda: validation().pearson,
     "DiveFaults": lambda: motion.DiveFaults(1 / 3, 2 / 3, 1 / 7, 0.1, 23 / 3),
+    "FlightPhase": lambda: motion.find_flight(4.0 * TIMES - 4.905 * TIMES**2, times=TIMES),
+    "FlightReport": lambda: motion.identify_flight(reconstructed()),
     "GroupComparison": lambda: motion.GroupComparison({f"group {i}": [fit()] for i in range(90)}, "scale"),
     "JudgedSet": lambda: dives().judged_set(),
     "MarkerFit": lambda: motion.MarkerFit(motion.MarkerSet.joint_centres(ARM)),

@@ -227,6 +227,8 @@ WITHOUT = {
     "ExponentConvergence",
     "ExternalFunction",
     "Failure",
+    "FlightPhase",
+    "FlightReport",
     "Following",
     "Force",
     "ForceModel",

@@ -12,7 +12,9 @@
 //! | files ↔ markers, skeletons | [`readers`], [`writers`] | 4.1.1 |
 //! | gaps, resampling, joint centres | [`recording`] | 4.1.1 |
 //! | markers → scale, pose, joint angles or eigenweights of a model | [`fit`] | 4.2 |
+//! | heights, markers → take-off and entry | [`phases`] | – |
 //! | markers of a flight → momentum and motion that obey the laws of flight | [`reconstruction`] | – |
+//! | a reconstructed flight → dive number and figures, with intervals | [`identification`] | – |
 //! | eigenpostures of motions, projection on a base, comparison of groups | [`analysis`] | 4.1.1, 4.2 |
 //! | motions with scores that users provide | [`judged`] | 4.1.2 |
 //! | motions → scores | [`scoring`] | 4.1 |
@@ -31,7 +33,10 @@
 
 pub mod analysis;
 pub mod fit;
+pub mod identification;
 pub mod judged;
+mod noise;
+pub mod phases;
 pub mod readers;
 pub mod reconstruction;
 pub mod recording;

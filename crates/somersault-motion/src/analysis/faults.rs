@@ -15,10 +15,10 @@
 //! Source of the last: S. Balasubramanian, A. Melendez-Calderon, A. Roby-Brami and E. Burdet, *On the analysis
 //! of movement smoothness*, J. NeuroEng. Rehabil. 12 (2015), 112.
 
+use super::landmarks::Landmarks;
 use super::{AnalysisError, normalize_frames};
-use nalgebra::Vector3;
 use somersault_core::argument::{expect_least, expect_length};
-use somersault_multibody::{Data, DynamicsError, Model};
+use somersault_multibody::{Data, Model};
 use std::f64::consts::PI;
 
 /// The faults of a dive.
@@ -76,7 +76,8 @@ impl DiveFaults {
             hip.push(landmarks.hip_angle(model, &mut data, q)?);
         }
         let last = &positions[positions.len() - n_q..];
-        let entry_angle = landmarks.entry_angle(model, &mut data, last)?;
+        let axis = landmarks.long_axis(model, &mut data, last)?;
+        let entry_angle = axis.xy().norm().atan2(axis.z.abs());
         let even = normalize_frames(times, &hip, times.len())?;
         let duration = times[times.len() - 1] - times[0];
         Ok(Self {
@@ -87,62 +88,6 @@ impl DiveFaults {
             roughness: log_dimensionless_jerk(&even, duration).ok_or(AnalysisError::NoVariance)?,
         })
     }
-}
-
-/// Bodies by which a dive is seen, of the right and the left side or of both at once.
-struct Landmarks {
-    head: usize,
-    thighs: Vec<usize>,
-    shanks: Vec<usize>,
-    feet: Vec<usize>,
-    hands: Vec<usize>,
-}
-
-impl Landmarks {
-    fn of(model: &Model) -> Result<Self, DynamicsError> {
-        let sides = |part: &str| match model.body(part) {
-            Ok(body) => Ok(vec![body]),
-            Err(_) => ["right", "left"].iter().map(|side| model.body(&format!("{side}_{part}"))).collect(),
-        };
-        Ok(Self {
-            head: model.body("head")?,
-            thighs: sides("thigh")?,
-            shanks: sides("shank")?,
-            feet: [sides("foot")?, sides("toes")?].concat(),
-            hands: sides("hand")?,
-        })
-    }
-
-    fn hip_angle(&self, model: &Model, data: &mut Data, q: &[f64]) -> Result<f64, DynamicsError> {
-        let positions = model.positions(data, q)?;
-        let origin = |body| positions.pose(body).map(|pose| pose.translation);
-        let head = origin(self.head)?;
-        let mut mean = 0.0;
-        for (&thigh, &shank) in self.thighs.iter().zip(&self.shanks) {
-            let hip = origin(thigh)?;
-            mean += angle(&(head - hip), &(origin(shank)? - hip)) / self.thighs.len() as f64;
-        }
-        Ok(mean)
-    }
-
-    fn entry_angle(&self, model: &Model, data: &mut Data, q: &[f64]) -> Result<f64, DynamicsError> {
-        let positions = model.positions(data, q)?;
-        let center = |bodies: &[usize]| -> Result<Vector3<f64>, DynamicsError> {
-            let (mut moment, mut mass) = (Vector3::zeros(), 0.0);
-            for &body in bodies {
-                let properties = model.links()[body].mass_properties();
-                moment += positions.pose(body)?.point(&properties.center) * properties.mass;
-                mass += properties.mass;
-            }
-            Ok(moment / mass)
-        };
-        let axis = center(&self.hands)? - center(&self.feet)?;
-        Ok(axis.xy().norm().atan2(axis.z.abs()))
-    }
-}
-
-fn angle(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
-    a.cross(b).norm().atan2(a.dot(b))
 }
 
 /// The fraction at which the angle last rises through the middle between its least value and π; 1 where it does
@@ -185,6 +130,7 @@ fn log_dimensionless_jerk(angle: &[f64], duration: f64) -> Option<f64> {
 mod tests {
     use super::*;
     use somersault_core::argument::ArgumentError;
+    use somersault_multibody::DynamicsError;
     use somersault_multibody::models::{Diver, Posture};
 
     /// Frames from posture A to `posture` and back, w = sin² of π times the fraction.

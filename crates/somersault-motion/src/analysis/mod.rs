@@ -9,11 +9,13 @@
 pub mod eigenpostures;
 mod faults;
 mod groups;
+mod landmarks;
 mod pca;
 mod projection;
 
 pub use faults::DiveFaults;
 pub use groups::{Band, GroupComparison, Panel, normalize_frames, somersaults};
+pub(crate) use landmarks::Landmarks;
 pub use pca::Pca;
 pub use projection::{Projection, WeightBounds, project};
 

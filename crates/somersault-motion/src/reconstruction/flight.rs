@@ -1,6 +1,7 @@
 //! What a reconstruction found.
 
 use super::MarkerNoise;
+use crate::phases::FlightPhase;
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -65,6 +66,11 @@ pub struct FlightFrame {
     pub moment_of_inertia_deviation: f64,
     /// Inertia about the centre of mass in axes of the world, of the body with its joints locked, kg m².
     pub inertia: Matrix3<f64>,
+    /// Angle of the body's long axis from the vertical about the axis of the somersault, forwards positive, whole turns counted, rad:
+    /// between −π and π in the first frame.
+    pub inclination: f64,
+    /// Its standard deviation.
+    pub inclination_deviation: f64,
     /// Somersaults since the first frame, forwards positive.
     pub somersaults: f64,
     /// Twists since the first frame, to the left positive.
@@ -92,6 +98,11 @@ pub struct ReconstructedFlight {
     pub velocity: Quantity,
     /// g over that of the model, and its standard deviation, 0 if it was not sought.
     pub gravity: [f64; 2],
+    /// g over that of the model as the recording has it, and its standard deviation: where it was not sought, one step of the search
+    /// from the minimum; the deviation is NaN where there is none.
+    pub seen_gravity: [f64; 2],
+    /// Take-off and entry, where they were sought.
+    pub phase: Option<FlightPhase>,
     /// How far the centre of mass rises above its place in the first frame, m.
     pub height: f64,
     /// Standard deviation of the somersaults and of the twists of the whole flight.

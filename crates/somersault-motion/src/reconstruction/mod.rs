@@ -38,7 +38,6 @@ mod check;
 mod departure;
 mod flight;
 mod joints;
-mod noise;
 mod normal;
 mod options;
 mod prior;
@@ -49,12 +48,14 @@ mod search;
 mod start;
 mod unknowns;
 
+pub use crate::noise::MarkerNoise;
 pub use flight::{FlightFrame, Quantity, ReconstructedFlight, ReconstructionStatus};
-pub use noise::MarkerNoise;
 pub use options::{BodyScale, ReconstructionOptions};
 pub use problem::FlightReconstruction;
+pub(crate) use report::counting_of;
 
 use crate::fit::FitError;
+use crate::phases::PhaseError;
 use crate::recording::RecordingError;
 use somersault_core::argument::ArgumentError;
 use somersault_core::spline::SplineError;
@@ -83,6 +84,9 @@ pub enum ReconstructionError {
     /// A part of a recording.
     #[error(transparent)]
     Recording(#[from] RecordingError),
+    /// Take-off and entry cannot be sought.
+    #[error(transparent)]
+    Phase(#[from] PhaseError),
     /// Joints are hinges, slides and balls.
     #[error(
         "the joints of a reconstructed flight are revolute, prismatic and spherical, but that of `{body}` is {joint}"

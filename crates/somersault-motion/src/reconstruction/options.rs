@@ -30,7 +30,8 @@ pub struct ReconstructionOptions {
     pub threshold: Option<f64>,
     /// The noise where it is known; else it is estimated.
     pub noise: Option<MarkerNoise>,
-    /// First and last time that belong to the flight, s; all frames without.
+    /// First and last time that belong to the flight, s. Without them it is sought where the recording may be longer ([`phases`](crate::phases));
+    /// all frames are taken where none is found.
     pub interval: Option<(f64, f64)>,
     /// Iterations over all frames, at most, between estimates of the noise.
     pub max_iterations: usize,
@@ -38,7 +39,7 @@ pub struct ReconstructionOptions {
 
 impl Default for ReconstructionOptions {
     /// Knots every 0.07 s, a size of 1 ± 0.1, the model's gravity, Huber's loss from 4 standard deviations, noise that is
-    /// estimated, all frames, 50 iterations.
+    /// estimated, the frames between take-off and entry as they are found, 50 iterations.
     fn default() -> Self {
         Self {
             knot_spacing: 0.07,

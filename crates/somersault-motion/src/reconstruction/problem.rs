@@ -4,15 +4,17 @@ use super::attitude::{Flown, Room};
 use super::check::full_dynamics_defect;
 use super::flight::{AGREEMENT, Quantity, ReconstructedFlight, ReconstructionStatus};
 use super::joints::JointSplines;
-use super::noise::MarkerNoise;
 use super::normal::{Kinematics, Linearized, Observed};
 use super::prior::Prior;
 use super::report::Report;
+use super::score::Tested;
 use super::search::Search;
 use super::start::{FrameFits, FrameNoise};
 use super::unknowns::Layout;
 use super::{BodyScale, ReconstructionError, ReconstructionOptions};
 use crate::fit::{MarkerFit, MarkerSet};
+use crate::noise::MarkerNoise;
+use crate::phases::{FlightPhase, find_flight};
 use crate::recording::MarkerRecording;
 use faer::Mat;
 use nalgebra::{DMatrix, Vector3};
@@ -20,6 +22,7 @@ use somersault_core::argument::expect_range;
 use somersault_core::cancel::CancellationToken;
 use somersault_multibody::Model;
 use somersault_multibody::flight::{Flight, TakeOff};
+use std::ops::Range;
 
 /// A model with markers, whose flight is to be found.
 ///
@@ -120,7 +123,7 @@ impl FlightReconstruction {
     }
 
     /// The flight of a recording. Markers of the recording that the model has not are ignored, those that the recording has not are
-    /// missing; frames without markers at both ends are left out.
+    /// missing; frames without markers at both ends are left out, and without an interval those before the take-off and after the entry.
     pub fn reconstruct(
         &self,
         recording: &MarkerRecording,
@@ -136,6 +139,11 @@ impl FlightReconstruction {
         token: &CancellationToken,
     ) -> Result<ReconstructedFlight, ReconstructionError> {
         let recording = self.part(recording)?;
+        let fits = FrameFits::try_new(&self.model, &self.markers, &self.options, &recording, token)?;
+        let phase =
+            if self.options.interval.is_none() { self.phase(&fits, recording.times())? } else { None };
+        let frames = self.frames_of(phase.as_ref(), recording.times());
+        let (recording, fits) = (recording.part(frames.clone())?, fits.part(frames));
         let times = recording.times().to_vec();
         let duration = times[times.len() - 1] - times[0];
         expect_range("duration of the flight", duration, "at most 100 s", |x| x <= LONGEST)?;
@@ -149,14 +157,14 @@ impl FlightReconstruction {
         if times.len() > limit {
             return Err(ReconstructionError::TooManyFrames { found: times.len(), limit });
         }
-        let fits = FrameFits::try_new(&self.model, &self.markers, &self.options, &recording, token)?;
         let fit = MarkerFit::try_new(&self.model, self.markers.clone(), crate::fit::FitOptions::default())?;
         let points = fit.targets(&recording)?;
         let mut best: Option<ReconstructedFlight> = None;
         for fraction in REFERENCES {
             let reference = fits.reference(&times, fraction);
             let observed = Observed { times: times.clone(), reference, points: points.clone() };
-            let flight = self.beginning_at(&fits, &observed, n_intervals as usize, token)?;
+            let mut flight = self.beginning_at(&fits, &observed, n_intervals as usize, token)?;
+            flight.phase.clone_from(&phase);
             let is_minimum = !matches!(
                 flight.status,
                 ReconstructionStatus::IterationLimit | ReconstructionStatus::NoProgress
@@ -173,6 +181,37 @@ impl FlightReconstruction {
             }
         }
         best.ok_or(ReconstructionError::TooFewFrames { least: LEAST_FRAMES, found: 0 })
+    }
+
+    /// Take-off and entry by the centres of mass of fits of single frames.
+    pub fn find_flight(&self, recording: &MarkerRecording) -> Result<FlightPhase, ReconstructionError> {
+        self.find_flight_cancellable(recording, &CancellationToken::new())
+    }
+
+    /// As [`find_flight`](Self::find_flight), and ends with [`FitError::Interrupted`](crate::fit::FitError::Interrupted) within a frame of
+    /// the cancellation.
+    pub fn find_flight_cancellable(
+        &self,
+        recording: &MarkerRecording,
+        token: &CancellationToken,
+    ) -> Result<FlightPhase, ReconstructionError> {
+        let recording = self.part(recording)?;
+        let fits = FrameFits::try_new(&self.model, &self.markers, &self.options, &recording, token)?;
+        self.phase(&fits, recording.times())?.ok_or(ReconstructionError::NoGravity)
+    }
+
+    /// Take-off and entry; none without gravity.
+    fn phase(&self, fits: &FrameFits, times: &[f64]) -> Result<Option<FlightPhase>, ReconstructionError> {
+        let gravity = self.model.gravity();
+        let Some(down) = gravity.try_normalize(f64::MIN_POSITIVE) else { return Ok(None) };
+        Ok(Some(find_flight(times, &fits.heights(&-down), gravity.norm())?))
+    }
+
+    /// The frames from take-off to entry; all where no flight was found, or too few are in it.
+    fn frames_of(&self, phase: Option<&FlightPhase>, times: &[f64]) -> Range<usize> {
+        let Some((start, end)) = phase.and_then(FlightPhase::interval) else { return 0..times.len() };
+        let frames = times.partition_point(|t| *t < start)..times.partition_point(|t| *t <= end);
+        if frames.len() < LEAST_FRAMES { 0..times.len() } else { frames }
     }
 
     /// The frames of the interval, without those at its ends that have no marker of the model.
@@ -277,12 +316,13 @@ impl FlightReconstruction {
         let n_root = self.model.velocities_of(0).len();
         let all = search.seen.iter().enumerate();
         let unseen: Vec<usize> = all.filter(|(_, seen)| !**seen).map(|(c, _)| n_root + c).collect();
-        let departures = search.departures()?;
+        let tested = search.tested()?;
         let is_determined = is_determined
-            && departures.is_some()
+            && tested.is_some()
             && splines.largest_turn(&estimate.coefficients) <= LARGEST_TURN
             && self.carried(&unseen) <= UNSEEN * self.model.mass();
-        let departures = departures.unwrap_or([[f64::NAN; 2]; 4]);
+        let Tested { departures, gravity: seen_gravity } =
+            tested.unwrap_or(Tested { departures: [[f64::NAN; 2]; 4], gravity: [f64::NAN; 2] });
         let departs = departures.iter().any(|[found, limit]| found > limit);
         let within = chi_squared.is_none_or(|x| (chi_squared_range[0]..=chi_squared_range[1]).contains(&x));
         if status == ReconstructionStatus::Converged {
@@ -303,6 +343,8 @@ impl FlightReconstruction {
             center_of_mass: Quantity { value: Vector3::zeros(), deviation: Vector3::zeros() },
             velocity: Quantity { value: Vector3::zeros(), deviation: Vector3::zeros() },
             gravity: [estimate.gravity, 0.0],
+            seen_gravity,
+            phase: None,
             height: 0.0,
             turns_deviation: [0.0; 2],
             covariance: DMatrix::zeros(0, 0),

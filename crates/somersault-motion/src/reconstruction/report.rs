@@ -8,7 +8,7 @@ use super::search::Search;
 use super::unknowns::Estimate;
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, RowDVector, UnitQuaternion, Vector3};
 use somersault_core::lie::so3::hat;
-use somersault_multibody::counting::{BodyAngles, Counting};
+use somersault_multibody::counting::Counting;
 use somersault_multibody::flight::{Flight, FlightData, TakeOff};
 use somersault_multibody::{Data, Model};
 use std::f64::consts::TAU;
@@ -38,7 +38,8 @@ impl Report<'_> {
         let residuals = search.flown.residuals(search.observed, estimate, all.clone(), &at.placed);
         let reference = search.observed.times[search.observed.reference];
         let flight = flight_of(model, reference, estimate)?;
-        let angles = self.angles(estimate, at);
+        let travelling = self.travelling(estimate, at);
+        let angles = self.counting().along(&travelling);
         let (mut data, mut flight_data) = (Data::new(model), FlightData::new(model));
         let n_linear = model.joint(0).map_or(0, |joint| joint.kind().n_linear);
         let mut found = Vec::with_capacity(all.len());
@@ -98,6 +99,8 @@ impl Report<'_> {
                 self.moment_gradient(search, estimate, &q, t, &direction, attitude, placed, &mut data)?;
             let moment_of_inertia_deviation =
                 (&by_moment * covariance * by_moment.transpose())[(0, 0)].sqrt();
+            let by_turn = self.counting().gradients(&travelling[i])[0];
+            let inclination_deviation = by_turn.dot(&(of_attitude * by_turn)).max(0.0).sqrt();
             found.push(FlightFrame {
                 time: t,
                 q,
@@ -111,6 +114,8 @@ impl Report<'_> {
                 moment_of_inertia: moment,
                 moment_of_inertia_deviation,
                 inertia,
+                inclination: angles[i].somersault,
+                inclination_deviation,
                 somersaults: (angles[i].somersault - angles[0].somersault) / TAU,
                 twists: (angles[i].twist - angles[0].twist) / TAU,
                 tilt: angles[i].tilt,
@@ -218,11 +223,8 @@ impl Report<'_> {
         UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -(-axis.x).atan2(axis.y))
     }
 
-    /// The body's axes, x forward and z along it, in those of the root: those of the world at the neutral configuration.
     fn counting(&self) -> Counting {
-        let placement = self.model.placement(0).map_or(Matrix3::identity(), |p| p.rotation);
-        let rotation = nalgebra::Rotation3::from_matrix_unchecked(placement.transpose());
-        Counting { axes: UnitQuaternion::from_rotation_matrix(&rotation) }
+        counting_of(self.model)
     }
 
     /// The root in the frame of travel, in each frame.
@@ -230,10 +232,6 @@ impl Report<'_> {
         let travel = self.travel(estimate, at);
         let placement = self.counting().axes.inverse();
         at.attitudes.iter().map(|attitude| travel * placement * attitude.orientation).collect()
-    }
-
-    fn angles(&self, estimate: &Estimate, at: &Linearized) -> Vec<BodyAngles> {
-        self.counting().along(&self.travelling(estimate, at))
     }
 
     /// Momentum, take-off, scale and gravity with their covariance.
@@ -285,6 +283,9 @@ impl Report<'_> {
         flight.velocity = Quantity { value: velocity, deviation: three(6) };
         flight.scale[1] = deviation(9);
         flight.gravity[1] = deviation(10);
+        if layout.has_gravity {
+            flight.seen_gravity = flight.gravity;
+        }
         // along the gravity of the estimate
         let down = gravity * estimate.gravity;
         let up = -velocity.dot(&down);
@@ -303,6 +304,13 @@ impl Report<'_> {
             flight.turns_deviation[k] = row.dot(&(covariance * &row)).max(0.0).sqrt() / TAU;
         }
     }
+}
+
+/// The body's axes, x forward and z along it, in those of the root: those of the world at the neutral configuration.
+pub(crate) fn counting_of(model: &Model) -> Counting {
+    let placement = model.placement(0).map_or(Matrix3::identity(), |p| p.rotation);
+    let rotation = nalgebra::Rotation3::from_matrix_unchecked(placement.transpose());
+    Counting { axes: UnitQuaternion::from_rotation_matrix(&rotation) }
 }
 
 /// The inertia about the centre of mass of the model with its joints locked, in axes of the world.

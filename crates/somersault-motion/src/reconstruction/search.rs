@@ -2,12 +2,12 @@
 //! sizes of noise and second derivatives estimated in between.
 
 use super::attitude::{Flown, Room};
-use super::noise::MarkerNoise;
 use super::normal::{Kinematics, Linearized, Normal, Observed, Placed, Trust};
 use super::prior::Prior;
 use super::unknowns::Estimate;
 use super::{ReconstructionError, ReconstructionStatus};
 use crate::fit::{FitError, MarkerSet};
+use crate::noise::MarkerNoise;
 use faer::linalg::solvers::{DenseSolveCore, Llt, Solve};
 use faer::{Mat, Side};
 use nalgebra::DMatrix;

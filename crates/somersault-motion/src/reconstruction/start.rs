@@ -2,16 +2,17 @@
 
 use super::attitude::read_orientation;
 use super::joints::JointSplines;
-use super::noise::chi_squared_quantile;
 use super::normal::Observed;
 use super::unknowns::{Estimate, Layout};
 use super::{BodyScale, ReconstructionError, ReconstructionOptions};
 use crate::fit::{FitOptions, FitStatus, FrameFit, MarkerFit, MarkerSet, Scale, UnknownStatus};
+use crate::noise::chi_squared_quantile;
 use crate::recording::MarkerRecording;
 use nalgebra::Vector3;
 use somersault_core::cancel::CancellationToken;
 use somersault_core::lie::so3;
 use somersault_multibody::{Data, Model};
+use std::ops::Range;
 
 /// The fits of all frames.
 pub(super) struct FrameFits {
@@ -60,6 +61,17 @@ impl FrameFits {
             centers.push(root + (positions.center_of_mass() - root) * frame.estimate.scale);
         }
         Ok(Self { frames: fit.frames, centers })
+    }
+
+    /// Heights of the centre of mass along `up`; none where no marker was seen.
+    pub(super) fn heights(&self, up: &Vector3<f64>) -> Vec<Option<f64>> {
+        let height = |(i, center): (usize, &Vector3<f64>)| self.has_markers(i).then(|| center.dot(up));
+        self.centers.iter().enumerate().map(height).collect()
+    }
+
+    /// Those of a part of the frames.
+    pub(super) fn part(&self, frames: Range<usize>) -> Self {
+        Self { frames: self.frames[frames.clone()].to_vec(), centers: self.centers[frames].to_vec() }
     }
 
     fn has_markers(&self, i: usize) -> bool {

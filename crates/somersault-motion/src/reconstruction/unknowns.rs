@@ -56,9 +56,9 @@ impl Layout {
         Self { is_planar, axes, turns, has_scale, has_gravity, n_departures: 0, n_channels }
     }
 
-    /// The same with departures by all functions of time, and with a scale.
+    /// The same with departures by all functions of time, with a scale and with gravity.
     pub(super) fn with_departures(&self) -> Self {
-        Self { has_scale: true, n_departures: N_FUNCTIONS, ..self.clone() }
+        Self { has_scale: true, has_gravity: true, n_departures: N_FUNCTIONS, ..self.clone() }
     }
 
     /// Coordinates of a point that count.

@@ -22,6 +22,8 @@ use somersault::integrators::studies::StudyError;
 use somersault::integrators::system::CountMismatch;
 use somersault::motion::analysis::AnalysisError;
 use somersault::motion::fit::FitError;
+use somersault::motion::identification::IdentificationError;
+use somersault::motion::phases::PhaseError;
 use somersault::motion::reconstruction::ReconstructionError;
 use somersault::motion::recording::RecordingError;
 use somersault::motion::scoring::{ScoringError, StorageError};
@@ -427,6 +429,24 @@ impl From<FitError> for Error {
     }
 }
 
+impl From<IdentificationError> for Error {
+    fn from(error: IdentificationError) -> Self {
+        match error {
+            IdentificationError::Model(error) => error.into(),
+            error => Self::own(Class::Input, &error),
+        }
+    }
+}
+
+impl From<PhaseError> for Error {
+    fn from(error: PhaseError) -> Self {
+        match error {
+            PhaseError::Recording(error) => error.into(),
+            error => Self::own(Class::Input, &error),
+        }
+    }
+}
+
 impl From<ReconstructionError> for Error {
     fn from(error: ReconstructionError) -> Self {
         match error {
@@ -434,6 +454,7 @@ impl From<ReconstructionError> for Error {
             ReconstructionError::Flight(error) => error.into(),
             ReconstructionError::Model(error) => error.into(),
             ReconstructionError::Recording(error) => error.into(),
+            ReconstructionError::Phase(error) => error.into(),
             error => Self::own(Class::Input, &error),
         }
     }

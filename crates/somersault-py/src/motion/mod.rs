@@ -5,12 +5,14 @@ mod convention;
 mod faults;
 mod fit;
 mod groups;
+mod identification;
 mod judged;
 mod keypoints;
 mod markers;
 mod matrix;
 mod motion_fit;
 mod pca;
+mod phases;
 mod readers;
 mod reconstruction;
 mod repair;
@@ -32,6 +34,8 @@ pub(crate) mod module {
     #[pymodule_export]
     use crate::motion::groups::{Band, GroupComparison, normalize_frames, somersaults};
     #[pymodule_export]
+    use crate::motion::identification::{FlightReport, identify_flight};
+    #[pymodule_export]
     use crate::motion::judged::{JudgedSet, read_judged};
     #[pymodule_export]
     use crate::motion::keypoints::KeypointRecording;
@@ -41,6 +45,8 @@ pub(crate) mod module {
     use crate::motion::motion_fit::MotionFit;
     #[pymodule_export]
     use crate::motion::pca::{Pca, Projection, common_eigenpostures, eigenpostures_per_motion, project};
+    #[pymodule_export]
+    use crate::motion::phases::{FlightPhase, find_flight};
     #[pymodule_export]
     use crate::motion::readers::{
         read_bvh, read_c3d, read_c3d_channels, read_c3d_events, read_c3d_force_plates, read_csv, read_file,

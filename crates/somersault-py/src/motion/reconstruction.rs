@@ -4,6 +4,7 @@ use super::fit::MarkerSet;
 use super::markers::MarkerRecording;
 use super::matrix::{count, matrix, matrix_array, numbers_array, same_length};
 use super::motion_fit::{name_of, status_of};
+use super::phases::FlightPhase;
 use crate::core::convert::{a_type, array, interval_of, vector_array};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, value};
@@ -34,7 +35,7 @@ use somersault::motion::reconstruction::{
 /// markers : MarkerSet
 ///     The markers, and the model they are on, whose root has a free or a planar joint; its other joints are hinges, slides and balls.
 /// recording : MarkerRecording
-///     The flight: no frame before take-off or after the entry, unless `interval` leaves them out.
+///     The flight, and what was recorded before and after it.
 /// knot_spacing : float, optional
 ///     Time between the knots of the joints' splines, s; 0.07 unless given.
 /// scale : float or tuple of float, optional
@@ -48,7 +49,8 @@ use somersault::motion::reconstruction::{
 ///     The noise of each coordinate of a marker of weight 1 if it is known: the standard deviation of white noise, m; or this, the fraction of
 ///     the variance that is correlated, and the time over which it is, s. It is estimated unless given.
 /// interval : tuple of float, optional
-///     First and last time that belong to the flight, s.
+///     First and last time that belong to the flight, s; found as by `find_flight` unless given, where the recording has frames before the
+///     take-off or after the entry.
 /// max_iterations : int, optional
 ///     Iterations over all frames, at most, between estimates of the noise; 50 unless given.
 ///
@@ -150,8 +152,8 @@ fn noise_of(value: &Bound<'_, PyAny>) -> Result<MarkerNoise, Error> {
 /// correlated, ± 1.96 of them hold the velocity in 95 of 100 cases, all results together in 90, and the angular momentum in 83. Pictures, `plotting.tree_motion` and the viewer take it like a MotionFit.
 #[pyclass(frozen, module = "somersault.motion")]
 pub(crate) struct ReconstructedFlight {
-    markers: Py<MarkerSet>,
-    flight: Flight,
+    pub(super) markers: Py<MarkerSet>,
+    pub(super) flight: Flight,
 }
 
 impl ReconstructedFlight {
@@ -233,6 +235,11 @@ value! {
         /// ndarray, shape (n_frames, 3, 3): Inertia about the centre of mass, world axes, joints locked, kg m².
         inertia: PyResult<Bound<'py, PyAny>> =
             |own, py| own.rows(py, &[3, 3], |frame| frame.inertia.transpose().as_slice().to_vec());
+        /// ndarray, shape (n_frames,): Angle of the body's long axis from the vertical about the axis of the somersault, forwards positive, whole turns
+        /// counted, rad: between -π and π in the first frame.
+        inclination: Bound<'py, PyAny> = |own, py| own.numbers(py, |frame| frame.inclination);
+        /// ndarray, shape (n_frames,): Its deviation.
+        inclination_deviation: Bound<'py, PyAny> = |own, py| own.numbers(py, |frame| frame.inclination_deviation);
         /// ndarray, shape (n_frames,): Somersaults since the first frame, forwards positive, about the horizontal part of the angular momentum.
         somersaults: Bound<'py, PyAny> = |own, py| own.numbers(py, |frame| frame.somersaults);
         /// float: Deviation of the somersaults of the whole flight.
@@ -247,6 +254,13 @@ value! {
         gravity: f64 = |own| own.flight.gravity[0];
         /// float: Its deviation; 0 if it was not sought.
         gravity_deviation: f64 = |own| own.flight.gravity[1];
+        /// float: Gravity over that of the model as the recording has it: where it was not sought, by one step of the search from the
+        /// minimum. Where it is not 1 the rate of the frames or the unit is wrong.
+        seen_gravity: f64 = |own| own.flight.seen_gravity[0];
+        /// float: Its deviation.
+        seen_gravity_deviation: f64 = |own| own.flight.seen_gravity[1];
+        /// FlightPhase or None: Take-off and entry as they were found; None where `interval` was given, or nothing falls.
+        phase: Option<FlightPhase> = |own| own.flight.phase.clone().map(|phase| FlightPhase { phase });
         /// ndarray, shape (11, 11): Covariance of angular momentum, centre of mass and its velocity in the first frame, scale and gravity.
         covariance: PyResult<Bound<'py, PyAny>> = |own, py| matrix_array(py, &own.flight.covariance);
         /// tuple of float: The noise: standard deviation of a coordinate of a marker of weight 1, m; fraction of the variance that is correlated; the time
@@ -372,7 +386,10 @@ impl ReconstructedFlight {
             flight.iterations,
         );
         let covariance = matrix_array(py, &flight.covariance)?;
-        by_restore(slf, (slf.get().markers(py), status, frames, quantities, numbers, checks, covariance))
+        let found = (slf.get().phase().map(|phase| Py::new(py, phase)).transpose()?, flight.seen_gravity);
+        let arguments =
+            (slf.get().markers(py), status, frames, quantities, numbers, checks, covariance, found);
+        by_restore(slf, arguments)
     }
 
     /// A pickled flight.
@@ -386,10 +403,12 @@ impl ReconstructedFlight {
         numbers: Numbers,
         checks: Checks,
         covariance: &Bound<'_, PyAny>,
+        found: (Option<Py<FlightPhase>>, [f64; 2]),
     ) -> Result<Self, Error> {
         let (scale, gravity, height, turns_deviation, (size, correlated, time)) = numbers;
         let (chi_squared, chi_squared_range, departures, full_dynamics_defect, unseen, iterations) = checks;
         let [departures, departure_limits] = departures;
+        let (phase, seen_gravity) = found;
         let rows = matrix("frames", frames)?;
         let frames = rows.row_iter().map(|row| {
             let row: Vec<f64> = row.iter().copied().collect();
@@ -406,6 +425,8 @@ impl ReconstructedFlight {
             center_of_mass,
             velocity,
             gravity,
+            seen_gravity,
+            phase: phase.map(|phase| phase.get().phase.clone()),
             height,
             turns_deviation,
             covariance: matrix("covariance", covariance)?,
@@ -452,7 +473,7 @@ const DEPARTURES: [(&str, &str); 4] = [
 ];
 
 /// Numbers of a frame beside those whose count depends on the model.
-const N_OF_FRAME: usize = 24;
+const N_OF_FRAME: usize = 26;
 
 /// A frame as one row.
 fn packed(frame: &FlightFrame) -> Vec<f64> {
@@ -462,7 +483,7 @@ fn packed(frame: &FlightFrame) -> Vec<f64> {
     row.extend(angular_velocity.value.iter().chain(angular_velocity.deviation.iter()));
     row.extend([frame.moment_of_inertia, frame.moment_of_inertia_deviation]);
     row.extend(frame.inertia.iter());
-    row.extend([frame.somersaults, frame.twists, frame.tilt]);
+    row.extend([frame.somersaults, frame.twists, frame.tilt, frame.inclination, frame.inclination_deviation]);
     row.extend(frame.q.iter().chain(&frame.v).chain(&frame.deviations));
     row.extend(frame.residuals.iter().map(|r| r.unwrap_or(f64::NAN)));
     row
@@ -496,6 +517,8 @@ fn unpacked(
         somersaults: fixed[21],
         twists: fixed[22],
         tilt: fixed[23],
+        inclination: fixed[24],
+        inclination_deviation: fixed[25],
         residuals: residuals.iter().map(|r| (!r.is_nan()).then_some(*r)).collect(),
     })
 }

@@ -17,9 +17,8 @@
 //! Source: A. C. Harvey, *Forecasting, Structural Time Series Models and the Kalman Filter*, Cambridge University Press 1989,
 //! chapter 3.
 
-use super::ReconstructionError;
 use serde::{Deserialize, Serialize};
-use somersault_core::argument::{expect_positive, expect_range};
+use somersault_core::argument::{ArgumentError, expect_positive, expect_range};
 
 /// The noise of markers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -38,7 +37,7 @@ impl MarkerNoise {
         Self { size, correlated: 0.0, time: 0.1 }
     }
 
-    pub(super) fn validate(&self) -> Result<(), ReconstructionError> {
+    pub(crate) fn validate(&self) -> Result<(), ArgumentError> {
         expect_range("size of the noise", self.size, "between 1e-9 and 1e3 m", |x| {
             (1e-9..=1e3).contains(&x)
         })?;
@@ -52,18 +51,18 @@ impl MarkerNoise {
 
 /// What makes a coordinate's error white at one frame.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Whitening {
+pub(crate) struct Whitening {
     /// What the prediction decays by since the frame before.
-    pub(super) decay: f64,
+    pub(crate) decay: f64,
     /// What the innovation moves the prediction by.
-    pub(super) gain: f64,
+    pub(crate) gain: f64,
     /// 1/√S.
-    pub(super) factor: f64,
+    pub(crate) factor: f64,
 }
 
 impl Whitening {
     /// Replaces derivatives of a residual, at √c/σ = `weight`, by those of its innovation, and moves their predictions on.
-    pub(super) fn whiten(&self, weight: f64, means: &mut [f64], row: &mut [f64]) {
+    pub(crate) fn whiten(&self, weight: f64, means: &mut [f64], row: &mut [f64]) {
         let factor = self.factor * weight;
         if self.gain == 0.0 {
             row.iter_mut().for_each(|x| *x *= factor);
@@ -80,7 +79,7 @@ impl Whitening {
 
 /// The value per degree of freedom that χ² with `n` of them exceeds as often as a normal number exceeds `z` standard deviations, by
 /// E. B. Wilson and M. M. Hilferty.
-pub(super) fn chi_squared_quantile(n: usize, z: f64) -> f64 {
+pub(crate) fn chi_squared_quantile(n: usize, z: f64) -> f64 {
     let spread = 2.0 / (9.0 * n as f64);
     (1.0 - spread + z * spread.sqrt()).powi(3)
 }
@@ -89,7 +88,7 @@ pub(super) fn chi_squared_quantile(n: usize, z: f64) -> f64 {
 const LEAST_WHITE: f64 = 1e-3;
 
 /// The filter of a marker over the times of the frames that have it, and Σ ln S; `trust` is 1, or less for points that count less.
-pub(super) fn whitening(
+pub(crate) fn whitening(
     noise: &MarkerNoise,
     frames: impl Iterator<Item = (f64, f64)>,
 ) -> (Vec<Whitening>, f64) {
