@@ -247,7 +247,8 @@ def _of_trajectory(trajectory: Trajectory) -> Track:
     t = times(seen.t)
     if sol is not None and len(t) > 1:
         n = int(np.clip((t[-1] - t[0]) / FINE, 10 * len(t), _LARGEST)) + 1
-        t = np.linspace(*sorted((sol.t_min, sol.t_max)), n)
+        first, last = sorted((sol.t_min, sol.t_max))
+        t = np.linspace(first, last, n)
         seen = sol(t)
     shape = (len(t), -1, 3)
     position = np.asarray(seen.position).reshape(shape)

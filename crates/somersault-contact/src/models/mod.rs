@@ -1,5 +1,5 @@
 //! Model bodies and trees with contacts: bodies are a [`BodyInContact`](crate::contacts::BodyInContact) under weight, trees
-//! a [`TreeContactSystem`], the parts of a [`TreeInContact`](crate::tree::TreeInContact).
+//! a [`TreeContactSystem`], the parts of a [`TreeInContact`].
 
 use crate::error::ContactError;
 use crate::tree::{LinkContact, TreeInContact};
