@@ -16,7 +16,7 @@
 //! x the angle with its standard deviation s, σ = 30° how far dives enter from the vertical, 25° for twists, u = 0.05: of 2¼ somersaults, neither neighbour is probable. The
 //! probability of a dive number is the product of those of its parts. Where none has 90 % the flight lies between.
 //!
-//! **What is checked** by something that did not make it: gravity as the recording has it ([`ReconstructedFlight::seen_gravity`]) must be
+//! **What is checked** by something that did not make it: gravity as the recording has it ([`seen_gravity`](crate::reconstruction::ReconstructedFlight::seen_gravity)) must be
 //! that of the model. A flight that was not reconstructed has no number.
 //!
 //! Intervals hold for the given body, as those of the reconstruction do; joints count as independent of one another.
