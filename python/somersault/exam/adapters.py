@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import importlib.metadata
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -253,7 +254,7 @@ def _raised(state: State, by: float) -> State:
 # ------------------------------------------------------------------------- equations with their events
 
 
-class _ByModes(_Engine):
+class _ByModes(_Engine, ABC):
     """Integrates the equations of a scene from event to event."""
 
     setting = "tolerance"
@@ -278,11 +279,11 @@ class _ByModes(_Engine):
             if guard.reset is not None:
                 y = np.asarray(guard.reset(y), dtype=np.float64)
 
+    @abstractmethod
     def until(
         self, scene: ExamScene, mode: str, t: float, y: Array, tolerance: float
     ) -> tuple[float, Array, int | None]:
         """Time and state at the next event or at the end, and the number of the guard that fell."""
-        raise NotImplementedError
 
 
 class _Scipy(_ByModes):

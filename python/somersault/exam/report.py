@@ -346,7 +346,7 @@ def _steps(given: Sequence[float]) -> tuple[float, ...]:
 
 
 class _Refused(Exception):
-    """An engine returned something that is no end of the scene."""
+    """An engine returned something other than a state at the end of the scene."""
 
 
 def _examined(

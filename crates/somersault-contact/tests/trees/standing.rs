@@ -216,7 +216,7 @@ fn a_biped_on_a_slope_rests_below_the_angle_of_friction_and_slides_above() {
 }
 
 #[test]
-#[ignore = "long form of `a_quadruped_stands_at_rest` and `a_biped_stands_at_rest`: `make studies` runs it"]
+#[ignore = "long form of `a_quadruped_stands_at_rest` and `a_biped_stands_at_rest`, 12 s: `make studies` runs it"]
 fn they_stand_at_rest_for_100_s() {
     stands(&quadruped(0.0), LONG);
     stands(&biped(0.0), LONG);

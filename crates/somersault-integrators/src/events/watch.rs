@@ -8,7 +8,7 @@
 //!
 //! - A zero belongs to what follows: a function that is zero at the start has no event there, and one that is zero at the
 //!   end of a step has one event.
-//! - A touch without a crossing is none: two changes that are apart by rounding alone are dropped.
+//! - A touch without a crossing is not an event: two changes that differ in time by rounding only are dropped.
 //! - Directions count along the run, also where that goes backwards in time, as in SciPy.
 
 use super::guard::Guard;
@@ -344,7 +344,7 @@ impl<Q: Configuration, F: FnMut(f64, &State<Q>, &mut [f64])> Parts<'_, '_, Q, F>
         }
     }
 
-    /// Takes what differs from zero at the end of the step by rounding for zero, so that a touch there is none.
+    /// Sets values at the end of the step to zero where they differ from zero by rounding only, so that a touch there is not an event.
     fn round_to_zero(&mut self, before: &Point<Q>, after: &mut Point<Q>) {
         for (a, b) in before.guards.iter().zip(&mut after.guards) {
             if b.gap.abs() <= ROUNDINGS * f64::EPSILON * (a.gap.abs() + self.h * a.rate.abs()) {

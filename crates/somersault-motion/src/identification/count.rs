@@ -10,7 +10,7 @@ pub struct Count {
     pub value: i32,
     /// Its probability.
     pub probability: f64,
-    /// That it is none: the angle lies between.
+    /// The probability that the angle lies between whole numbers.
     pub between: f64,
     /// The neighbour that is most probable after it, and its probability.
     pub neighbour: (i32, f64),
@@ -31,7 +31,7 @@ impl Count {
         };
         let (own, other, none) = (weigh(value), weigh(next), UNUSUAL / PI);
         let all = own + other + none;
-        // an angle without a deviation is none
+        // an angle without a standard deviation is not known
         let share = |part: f64| if all.is_finite() { part / all } else { 0.0 };
         Self {
             value: value as i32,

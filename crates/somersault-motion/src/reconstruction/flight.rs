@@ -99,7 +99,7 @@ pub struct ReconstructedFlight {
     /// g over that of the model, and its standard deviation, 0 if it was not sought.
     pub gravity: [f64; 2],
     /// g over that of the model as the recording has it, and its standard deviation: where it was not sought, one step of the search
-    /// from the minimum; the deviation is NaN where there is none.
+    /// from the minimum; the deviation is NaN where it is not known.
     pub seen_gravity: [f64; 2],
     /// Take-off and entry, where they were sought.
     pub phase: Option<FlightPhase>,

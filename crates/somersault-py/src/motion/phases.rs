@@ -29,7 +29,7 @@ const EARTH: f64 = 9.81;
 /// Parameters
 /// ----------
 /// recording : MarkerRecording or array_like, shape (n_frames,)
-///     The markers; or heights of the centre of mass, m, NaN where there is none.
+///     The markers; or heights of the centre of mass, m, NaN in frames without a height.
 /// markers : MarkerSet, optional
 ///     The markers, and the model they are on: heights are then those of the centre of mass of fits of single frames. Without it they are those of
 ///     the mean of the markers, which leaves the parabola with the limbs; intervals are wider for it.
