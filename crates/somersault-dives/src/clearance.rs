@@ -28,8 +28,8 @@ pub(crate) struct ClearanceRows {
     bounds: Vec<f64>,
     /// Fractions of the duration.
     fractions: Vec<f64>,
-    /// Columns on which the posture at each time depends, and their parameters.
-    columns: Vec<Vec<(usize, usize)>>,
+    /// Parameters on which the posture at each time depends.
+    parameters: Vec<Vec<usize>>,
     /// Where the Jacobian has the entries, row by row.
     places: Vec<usize>,
     data: Data,
@@ -57,7 +57,6 @@ impl ClearanceRows {
         dive: &Dive,
         model: &Model,
         motion: &SplineMotion,
-        column_of: &[Option<usize>],
         clearance: Clearance,
         added: &[f64],
         first_row: usize,
@@ -73,14 +72,13 @@ impl ClearanceRows {
         let fractions: Vec<f64> = equidistant.chain(added.iter().copied()).collect();
         let n = motion.basis().n_coefficients();
         let mut basis = vec![0.0; motion.basis().n_active()];
-        let columns = fractions
+        let parameters = fractions
             .iter()
             .map(|fraction| {
                 let first = motion.basis().evaluate(*fraction, 0, &mut basis);
                 let is_active = |c: usize| (first..first + basis.len()).contains(&(c % n));
-                let of_parameter = |(_, p, _): (usize, usize, f64)| column_of[p].map(|column| (column, p));
-                let mut found: Vec<(usize, usize)> =
-                    motion.dependences().filter(|(c, ..)| is_active(*c)).filter_map(of_parameter).collect();
+                let active = motion.dependences().filter(|(c, ..)| is_active(*c));
+                let mut found: Vec<usize> = active.map(|(_, parameter, _)| parameter).collect();
                 found.sort_unstable();
                 found.dedup();
                 found
@@ -100,7 +98,7 @@ impl ClearanceRows {
             whole,
             first_row,
             fractions,
-            columns,
+            parameters,
             places: Vec::new(),
             data,
             q,
@@ -126,9 +124,9 @@ impl ClearanceRows {
     /// Row and column of what may be other than zero in the Jacobian, row by row.
     pub(crate) fn entries(&self) -> impl Iterator<Item = (usize, usize)> {
         let n_pairs = self.distances.len();
-        self.columns.iter().enumerate().flat_map(move |(time, columns)| {
+        self.parameters.iter().enumerate().flat_map(move |(time, parameters)| {
             let rows = (0..n_pairs).map(move |pair| self.first_row + time * n_pairs + pair);
-            rows.flat_map(move |row| columns.iter().map(move |(column, _)| (row, *column)))
+            rows.flat_map(move |row| parameters.iter().map(move |parameter| (row, *parameter)))
         })
     }
 
@@ -177,11 +175,11 @@ impl ClearanceRows {
                 let by_joint = &self.gradients[pair * n_joints..(pair + 1) * n_joints];
                 motion.base().pull_back(by_joint, &mut self.by_channel);
                 self.pull_back(motion, time);
-                let columns = &self.columns[time];
-                for (place, (_, parameter)) in self.places[first..].iter().zip(columns) {
+                let parameters = &self.parameters[time];
+                for (place, parameter) in self.places[first..].iter().zip(parameters) {
                     jacobian[*place] = self.by_parameter[*parameter];
                 }
-                first += columns.len();
+                first += parameters.len();
             }
         }
         Ok(())
@@ -217,9 +215,9 @@ impl ClearanceRows {
                 self.by_channel.fill(0.0);
                 self.by_channel[channel] = 1.0;
                 self.pull_back(motion, time);
-                let factors: Vec<_> = self.columns[time]
+                let factors: Vec<_> = self.parameters[time]
                     .iter()
-                    .map(|(column, parameter)| (*column, self.by_parameter[*parameter]))
+                    .map(|parameter| (*parameter, self.by_parameter[*parameter]))
                     .filter(|(_, factor)| *factor != 0.0)
                     .collect();
                 columns.push((change, factors));

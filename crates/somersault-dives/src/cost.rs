@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use somersault_core::quadrature::GAUSS_5;
 use somersault_multibody::joint_motion::SplineMotion;
 
-/// ½ ∫₀¹ Σ (d^r c_i/dx^r)² dx as ½ pᵀ Q p + gᵀ p + k in the free parameters.
+/// ½ ∫₀¹ Σ (d^r c_i/dx^r)² dx as ½ pᵀ Q p + gᵀ p + k in the parameters of the splines.
 #[derive(Debug, Clone)]
 pub(crate) struct Quadratic {
     pub(crate) matrix: DMatrix<f64>,
@@ -13,8 +13,8 @@ pub(crate) struct Quadratic {
 }
 
 impl Quadratic {
-    /// Of the `derivative`-th rate, in the `free` parameters.
-    pub(crate) fn of_rate(motion: &SplineMotion, free: &[usize], derivative: usize) -> Self {
+    /// Of the `derivative`-th rate.
+    pub(crate) fn of_rate(motion: &SplineMotion, derivative: usize) -> Self {
         let basis = motion.basis();
         let (n, n_intervals) = (basis.n_coefficients(), basis.n_intervals());
         let mut gram = DMatrix::zeros(n, n);
@@ -39,7 +39,6 @@ impl Quadratic {
         for channel in 0..motion.n_channels() {
             whole.view_mut((channel * n, channel * n), (n, n)).copy_from(&gram);
         }
-        let expansion = expansion.select_columns(free);
         let offset = DVector::from_column_slice(motion.offset());
         let at_offset = &whole * &offset;
         Self {

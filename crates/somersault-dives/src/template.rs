@@ -46,11 +46,13 @@ impl DiveProgram {
         let fractions: Vec<f64> = (0..=SAMPLES).map(|k| k as f64 / SAMPLES as f64).collect();
         let samples: Vec<Vec<f64>> =
             fractions.iter().map(|fraction| sample(dive, key_frames, *fraction)).collect();
-        let p = self.path().motion().fit(&fractions, &samples)?;
+        // the course as a whole is fitted, then windows cut it
+        let whole = dive.motion(self.path().model())?;
+        let mut coefficients = vec![0.0; whole.n_coefficients()];
+        whole.coefficients_into(&whole.fit(&fractions, &samples)?, &mut coefficients);
         let mut z = self.middle();
-        for (value, parameter) in z.iter_mut().zip(self.free()) {
-            *value = p[*parameter];
-        }
+        let p = self.path().motion().parameters_of(&coefficients);
+        z[..p.len()].copy_from_slice(&p);
         self.clone().aim(&mut z)?;
         Ok(z)
     }

@@ -45,7 +45,8 @@ impl DiveProgram {
 
     /// Integrates the orientation for `z`.
     pub(crate) fn fly(&mut self, z: &[f64], with_derivatives: bool) -> Result<(), DiveError> {
-        self.expand(z);
+        let motion = self.path.motion();
+        motion.coefficients_into(&z[..motion.n_parameters()], &mut self.coefficients);
         let (lean, momentum) = (self.lean(z), self.turn_momentum(z));
         let upright = self.counting.axes.inverse();
         if self.path.is_planar() {
@@ -61,14 +62,6 @@ impl DiveProgram {
     /// T L.
     fn turn_momentum(&self, z: &[f64]) -> Vector3<f64> {
         Vector3::new(0.0, self.momentum(z) * self.duration(z), 0.0)
-    }
-
-    /// Leaves the coefficients of the splines for `z`.
-    fn expand(&mut self, z: &[f64]) {
-        for (p, value) in self.free.iter().zip(z) {
-            self.parameters[*p] = *value;
-        }
-        self.path.motion().coefficients_into(&self.parameters, &mut self.coefficients);
     }
 
     /// Angles at the nodes of the path.
@@ -113,12 +106,9 @@ impl DiveProgram {
         self.path_gradient.clear();
         self.path.pull_back_arrival(&self.by_nodes, &arrival.gradient, &mut self.path_gradient)?;
         let PathGradient { by_start, by_momentum, by_coefficients } = &self.path_gradient;
-        self.row.fill(0.0);
-        self.path.motion().pull_back(by_coefficients, &mut self.row);
         self.angle_row.fill(0.0);
-        for (parameter, out) in self.free.iter().zip(&mut self.angle_row) {
-            *out += self.row[*parameter];
-        }
+        let motion = self.path.motion();
+        motion.pull_back(by_coefficients, &mut self.angle_row[..motion.n_parameters()]);
         if let Some(column) = self.extra.momentum {
             self.angle_row[column] += by_momentum.y * self.duration(z) * self.momentum_unit;
         }
@@ -177,9 +167,7 @@ impl DiveProgram {
         // what a path depends on is linear in z but for the turn momentum, a product, about the lateral axis y
         let mut inputs = DMatrix::zeros(COEFFICIENTS + self.coefficients.len(), z.len());
         for (coefficient, parameter, factor) in self.path.motion().dependences() {
-            if let Some(column) = self.column_of[parameter] {
-                inputs[(COEFFICIENTS + coefficient, column)] = factor;
-            }
+            inputs[(COEFFICIENTS + coefficient, parameter)] = factor;
         }
         if let Some(column) = self.extra.lean {
             inputs.fixed_view_mut::<3, 1>(START, column).copy_from(&self.turn_by_lean());

@@ -1,4 +1,4 @@
-//! Which parameters are free, and the bounds of the channels.
+//! The channels within their windows and bounds.
 
 use crate::bounds::bezier_points;
 use crate::{Channels, Dive, DiveError, Range};
@@ -16,15 +16,14 @@ pub(super) struct LinearRow {
 /// What is below this in a row does not depend on the parameters.
 const NO_DEPENDENCE: f64 = 1e-12;
 
-/// The parameters on which no channel depends outside of its window.
-pub(super) fn free_parameters(dive: &Dive, motion: &SplineMotion) -> Result<Vec<usize>, DiveError> {
+/// The motion with the parameters on which no channel depends outside of its window.
+pub(super) fn within_windows(dive: &Dive, motion: SplineMotion) -> Result<SplineMotion, DiveError> {
     if !dive.windows.is_empty() {
         expect_length("windows", dive.windows.len(), motion.n_channels())?;
     }
     let (n, degree) = (motion.basis().n_coefficients(), motion.basis().degree());
     let n_intervals = motion.basis().n_intervals() as f64;
     let mut is_free = vec![true; motion.n_parameters()];
-    let mut moves = vec![false; motion.n_channels()];
     for (coefficient, parameter, _) in motion.dependences() {
         let Some(window) = dive.windows.get(coefficient / n) else { continue };
         let j = (coefficient % n) as f64;
@@ -32,15 +31,15 @@ pub(super) fn free_parameters(dive: &Dive, motion: &SplineMotion) -> Result<Vec<
         let to = ((j + 1.0) / n_intervals).min(1.0);
         is_free[parameter] &= from >= window.lower - NO_DEPENDENCE && to <= window.upper + NO_DEPENDENCE;
     }
-    for (coefficient, parameter, _) in motion.dependences() {
-        moves[coefficient / n] |= is_free[parameter];
-    }
+    let motion = motion.retain_parameters(|parameter| is_free[parameter]);
+    let mut moves = vec![false; motion.n_channels()];
+    motion.dependences().for_each(|(coefficient, ..)| moves[coefficient / n] = true);
     if let Some(channel) = moves.iter().position(|moves| !moves)
         && let Some(&Range { lower, upper }) = dive.windows.get(channel)
     {
         return Err(DiveError::EmptyWindow { channel, lower, upper });
     }
-    Ok((0..is_free.len()).filter(|p| is_free[*p]).collect())
+    if motion.n_parameters() == 0 { Err(DiveError::NothingFree) } else { Ok(motion) }
 }
 
 /// The bounds of the channels at all times, by their Bézier points.
@@ -48,15 +47,12 @@ pub(super) fn channel_rows(
     dive: &Dive,
     model: &Model,
     motion: &SplineMotion,
-    column_of: &[Option<usize>],
     bounds: &mut Bounds,
 ) -> Vec<LinearRow> {
     let (n, n_channels) = (motion.basis().n_coefficients(), motion.n_channels());
     let mut dependences = vec![Vec::new(); motion.n_coefficients()];
     for (coefficient, parameter, factor) in motion.dependences() {
-        if let Some(column) = column_of[parameter] {
-            dependences[coefficient].push((column, factor));
-        }
+        dependences[coefficient].push((parameter, factor));
     }
     let mut rows = Vec::new();
     let mut dense = vec![0.0; motion.n_parameters()];

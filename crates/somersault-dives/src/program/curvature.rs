@@ -100,7 +100,7 @@ impl DiveProgram {
     }
 
     fn add_cost_curvature(&self, z: &[f64], cost_factor: f64, hessian: &mut [f64]) {
-        let n_p = self.free.len();
+        let n_p = self.path().motion().n_parameters();
         let duration = self.duration(z);
         let penalties = &self.dive.penalties;
         let mut slope = vec![0.0; n_p];

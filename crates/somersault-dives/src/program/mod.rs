@@ -12,7 +12,7 @@ use crate::flight::{OrientationPath, PathGradient};
 use crate::{Channels, Dive, DiveError, Range};
 pub(crate) use angles::requested;
 use angles::{long_axis, targets};
-use channels::{LinearRow, channel_rows, free_parameters};
+use channels::{LinearRow, channel_rows, within_windows};
 pub(crate) use curvature::entry;
 use nalgebra::{DVector, Vector3};
 use soft::Soft;
@@ -23,7 +23,7 @@ use somersault_nlp::{Bounds, Pattern, Structure};
 
 /// A [`Dive`] as a program for the [solvers](somersault_nlp).
 ///
-/// z holds the free spline parameters, then L/L₀, lean and duration, where these are no fixed numbers. Constraints are
+/// z holds the parameters of the splines, then L/L₀, lean and duration, where these are no fixed numbers. Constraints are
 /// the bounds of the channels (linear), the angles at the entry, and clearances.
 #[derive(Debug, Clone)]
 pub struct DiveProgram {
@@ -32,10 +32,6 @@ pub struct DiveProgram {
     counting: Counting,
     /// L₀.
     momentum_unit: f64,
-    /// The spline parameters that are free; the others are zero.
-    free: Vec<usize>,
-    /// Where z has each spline parameter.
-    column_of: Vec<Option<usize>>,
     square_out: usize,
     extra: Extra,
     structure: Structure,
@@ -56,8 +52,6 @@ pub struct DiveProgram {
     by_nodes: Vec<Vector3<f64>>,
     path_gradient: PathGradient,
     coefficients: Vec<f64>,
-    parameters: Vec<f64>,
-    row: Vec<f64>,
     angle_row: Vec<f64>,
 }
 
@@ -94,16 +88,10 @@ impl DiveProgram {
 
     fn with_times(dive: &Dive, added: Vec<f64>) -> Result<Self, DiveError> {
         let model = dive.diver.model()?;
-        let motion = dive.motion(&model)?;
+        let motion = within_windows(dive, dive.motion(&model)?)?;
         let counting = Counting { axes: long_axis(dive, &model)? };
         let momentum_unit = dive.diver.mass * dive.diver.height.powi(2);
-        let free = free_parameters(dive, &motion)?;
-        if free.is_empty() {
-            return Err(DiveError::NothingFree);
-        }
-        let mut column_of = vec![None; motion.n_parameters()];
-        free.iter().enumerate().for_each(|(column, p)| column_of[*p] = Some(column));
-        let mut variables = Bounds::free(free.len());
+        let mut variables = Bounds::free(motion.n_parameters());
         let mut add = |range: Range, unit: f64| {
             if range.is_fixed() {
                 return None;
@@ -118,7 +106,7 @@ impl DiveProgram {
         };
         let n_z = variables.len();
         let mut constraints = Bounds::default();
-        let linear = channel_rows(dive, &model, &motion, &column_of, &mut constraints);
+        let linear = channel_rows(dive, &model, &motion, &mut constraints);
         let of_row = |(row, LinearRow { factors }): (usize, &LinearRow)| {
             factors.iter().map(move |(column, _)| (row, *column)).collect::<Vec<_>>()
         };
@@ -132,8 +120,7 @@ impl DiveProgram {
         let mut clearance = match (dive.diver.dimension, dive.clearance) {
             (Dimension::Spatial, Some(clearance)) => {
                 let first_row = constraints.len();
-                let rows =
-                    ClearanceRows::try_new(dive, &model, &motion, &column_of, clearance, &added, first_row)?;
+                let rows = ClearanceRows::try_new(dive, &model, &motion, clearance, &added, first_row)?;
                 rows.bounds().for_each(|least| constraints.push(least, f64::INFINITY));
                 Some(rows)
             }
@@ -160,7 +147,7 @@ impl DiveProgram {
             counting,
             momentum_unit,
             extra,
-            rates: [1, 2].map(|derivative| Quadratic::of_rate(&motion, &free, derivative)),
+            rates: [1, 2].map(|derivative| Quadratic::of_rate(&motion, derivative)),
             rate_unit,
             linear,
             added,
@@ -172,11 +159,7 @@ impl DiveProgram {
             by_nodes: Vec::new(),
             path_gradient: PathGradient::new(motion.n_coefficients()),
             coefficients: vec![0.0; motion.n_coefficients()],
-            parameters: vec![0.0; motion.n_parameters()],
-            row: vec![0.0; motion.n_parameters()],
             angle_row: vec![0.0; n_z],
-            free,
-            column_of,
             square_out: 0,
             structure: Structure {
                 variables,
@@ -254,15 +237,8 @@ impl DiveProgram {
     pub fn coefficients(&self, z: &[f64]) -> Vec<f64> {
         let motion = self.path.motion();
         let mut coefficients = vec![0.0; motion.n_coefficients()];
-        let parameter = |column: &Option<usize>| column.map_or(0.0, |k| z[k]);
-        let parameters: Vec<f64> = self.column_of.iter().map(parameter).collect();
-        motion.coefficients_into(&parameters, &mut coefficients);
+        motion.coefficients_into(&z[..motion.n_parameters()], &mut coefficients);
         coefficients
-    }
-
-    /// The numbers in z that are spline parameters, by their numbers in the motion's.
-    pub(crate) fn free(&self) -> &[usize] {
-        &self.free
     }
 
     /// L₀.

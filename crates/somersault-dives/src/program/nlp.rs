@@ -7,8 +7,7 @@ use somersault_nlp::{Curvature, EvaluationError, Nlp, Structure};
 
 impl DiveProgram {
     fn cost(&self, z: &[f64], mut gradient: Option<&mut [f64]>) -> f64 {
-        let n_p = self.free.len();
-        let (p, duration) = (&z[..n_p], self.duration(z));
+        let (p, duration) = (&z[..self.path.motion().n_parameters()], self.duration(z));
         let penalties = &self.dive.penalties;
         let momentum = self.momentum(z) / self.momentum_unit;
         let mut cost = 0.5 * penalties.momentum * momentum * momentum;

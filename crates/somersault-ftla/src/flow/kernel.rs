@@ -5,7 +5,7 @@ mod switching;
 
 use super::{FlowError, FlowTolerances, Transition, VariationalFlow, Work, nothing};
 use crate::budget::Budget;
-use crate::gram_schmidt::orthonormalise;
+use crate::product::orthonormalise;
 use crate::system::{Piece, VectorField};
 use nalgebra::{DMatrix, DVector};
 use rows::{ANY, Aligned, combine, identity, is_finite, multiply_add};

@@ -7,7 +7,7 @@
 use super::growth::Growth;
 use super::{ExponentConvergence, GROWTH};
 use crate::flow::{Factor, FlowError, VariationalFlow, Work};
-use crate::gram_schmidt::orthonormalise;
+use crate::product::orthonormalise;
 use crate::system::{Piece, VectorField};
 use nalgebra::{DMatrix, DVector};
 use somersault_core::argument::ArgumentError;

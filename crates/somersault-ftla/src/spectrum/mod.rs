@@ -16,7 +16,6 @@ mod convergence;
 mod diagnosis;
 mod growth;
 mod long_run;
-mod product;
 mod subspace;
 
 pub use convergence::{ExponentConvergence, Settling, SpectraConvergence};
@@ -26,6 +25,7 @@ pub use long_run::{LongRun, LyapunovSpectrum};
 pub use subspace::Subspace;
 
 use crate::flow::{Chain, FlowError, Transition, VariationalFlow};
+use crate::product;
 use crate::system::VectorField;
 use nalgebra::{DMatrix, DVector};
 use somersault_core::argument::ArgumentError;
@@ -75,9 +75,9 @@ impl Spectrum {
     /// ([`Extremal::links`](crate::shooting::Extremal)) serve as well as those of one run.
     pub fn of_factors(links: &[Transition]) -> Self {
         let duration: f64 = links.iter().map(|link| link.duration).sum();
-        let (logs, vectors) = product::decompose(links);
+        let (logs, vectors) = product::decompose(links.iter().map(|link| &link.matrix));
         let balanced = match unit_of_costates(links) {
-            Some(unit) => product::decompose(&in_unit(links, unit)).0,
+            Some(unit) => product::decompose(in_unit(links, unit).iter()).0,
             None => logs.clone(),
         };
         let time = duration.abs();
@@ -122,8 +122,8 @@ fn unit_of_costates(links: &[Transition]) -> Option<f64> {
     dimension.is_multiple_of(2).then_some(unit)
 }
 
-/// Factors with costates counted in `unit`.
-fn in_unit(links: &[Transition], unit: f64) -> Vec<Transition> {
+/// The matrices of factors with costates counted in `unit`.
+fn in_unit(links: &[Transition], unit: f64) -> Vec<DMatrix<f64>> {
     let n = links.first().map_or(0, |link| link.matrix.nrows()) / 2;
     let factor = |i: usize, j: usize| match (i < n, j < n) {
         (true, false) => unit,
@@ -131,11 +131,7 @@ fn in_unit(links: &[Transition], unit: f64) -> Vec<Transition> {
         (false, true) => 0.0,
         (true, true) | (false, false) => 1.0,
     };
-    let scaled = |link: &Transition| Transition {
-        matrix: link.matrix.map_with_location(|i, j, x| x * factor(i, j)),
-        ..link.clone()
-    };
-    links.iter().map(scaled).collect()
+    links.iter().map(|link| link.matrix.map_with_location(|i, j, x| x * factor(i, j))).collect()
 }
 
 /// Spectra at `p` for all averaging times `times` > 0, ascending, from one run.

@@ -73,6 +73,20 @@ impl SplineMotion {
         Ok(())
     }
 
+    /// The motion with those of its parameters that are to be kept, in their order; the others are zero.
+    pub fn retain_parameters(mut self, keep: impl Fn(usize) -> bool) -> Self {
+        let kept: Vec<usize> = (0..self.n_parameters()).filter(|p| keep(*p)).collect();
+        self.terms.retain_mut(|term| match kept.binary_search(&term.parameter) {
+            Ok(parameter) => {
+                term.parameter = parameter;
+                true
+            }
+            Err(_) => false,
+        });
+        self.parameters = kept.iter().map(|p| self.parameters[*p]).collect();
+        self
+    }
+
     fn eliminate(&mut self, channel: usize, conditions: &[Condition]) -> Result<(), JointMotionError> {
         let n = self.basis.n_coefficients();
         let mut matrix = DMatrix::zeros(conditions.len(), n);
@@ -243,6 +257,27 @@ mod tests {
             Condition { end: End::Finish, derivative: 1, value: 0.0 },
         ];
         SplineMotion::try_new(basis, EigenpostureBase::joints(2), &conditions).unwrap()
+    }
+
+    #[test]
+    fn parameters_that_are_not_retained_are_zero() {
+        let motion = motion();
+        let is_kept = |parameter: usize| parameter % 3 != 1;
+        let fewer = motion.clone().retain_parameters(is_kept);
+        assert_eq!(fewer.n_parameters(), 8);
+        let p: Vec<f64> = (0..8).map(|i| f64::from(i).cos()).collect();
+        let mut kept = p.iter();
+        let whole: Vec<f64> = (0..12).map(|i| if is_kept(i) { *kept.next().unwrap() } else { 0.0 }).collect();
+        let [mut coefficients, mut expected] = [(); 2].map(|()| vec![0.0; 18]);
+        fewer.coefficients_into(&p, &mut coefficients);
+        motion.coefficients_into(&whole, &mut expected);
+        assert_eq!(coefficients, expected);
+        assert_eq!(fewer.parameters_of(&coefficients), p);
+        let (mut pulled, mut of_whole) = (vec![0.0; 8], vec![0.0; 12]);
+        fewer.pull_back(&expected, &mut pulled);
+        motion.pull_back(&expected, &mut of_whole);
+        let of_kept: Vec<f64> = (0..12).filter(|i| is_kept(*i)).map(|i| of_whole[i]).collect();
+        assert_eq!(pulled, of_kept);
     }
 
     #[test]

@@ -12,22 +12,22 @@
 //! The relative error of a singular value is of the size of ε Σ κ(Φ_k): short factors, not a long matrix, decide it.
 //! Neither nalgebra nor faer has a decomposition of products, or one that keeps small singular values of a graded matrix.
 
-use crate::flow::Transition;
-use crate::gram_schmidt::orthonormalise;
 use nalgebra::{DMatrix, DVector};
 
 /// ln σ in descending order, with the right singular vectors as columns.
-pub(super) fn decompose(links: &[Transition]) -> (DVector<f64>, DMatrix<f64>) {
-    let n = links.first().map_or(0, |link| link.matrix.nrows());
+pub(crate) fn decompose<'a>(
+    factors: impl DoubleEndedIterator<Item = &'a DMatrix<f64>> + Clone,
+) -> (DVector<f64>, DMatrix<f64>) {
+    let n = factors.clone().next().map_or(0, DMatrix::nrows);
     let mut q = DMatrix::<f64>::identity(n, n);
     let mut product = q.clone();
-    for link in links {
-        link.matrix.mul_to(&q, &mut product);
+    for factor in factors.clone() {
+        factor.mul_to(&q, &mut product);
         orthonormalise::<2>(&mut product, |_, _, _| ());
         std::mem::swap(&mut q, &mut product);
     }
-    for link in links.iter().rev() {
-        link.matrix.tr_mul_to(&q, &mut product);
+    for factor in factors.clone().rev() {
+        factor.tr_mul_to(&q, &mut product);
         orthonormalise::<2>(&mut product, |_, _, _| ());
         std::mem::swap(&mut q, &mut product);
     }
@@ -37,8 +37,8 @@ pub(super) fn decompose(links: &[Transition]) -> (DVector<f64>, DMatrix<f64>) {
     let mut u = DMatrix::<f64>::identity(n, n);
     let (mut r, mut rows) = (u.clone(), u.clone());
     let mut basis = q.clone();
-    for link in links {
-        link.matrix.mul_to(&basis, &mut product);
+    for factor in factors.clone() {
+        factor.mul_to(&basis, &mut product);
         r.fill(0.0);
         orthonormalise::<2>(&mut product, |i, j, part| r[(i, j)] += part);
         std::mem::swap(&mut basis, &mut product);
@@ -51,9 +51,9 @@ pub(super) fn decompose(links: &[Transition]) -> (DVector<f64>, DMatrix<f64>) {
                 if r[(i, k)] == 0.0 {
                     continue;
                 }
-                let factor = r[(i, k)] * (before[k] - before[i]).exp();
+                let ratio = r[(i, k)] * (before[k] - before[i]).exp();
                 for j in k..n {
-                    rows[(i, j)] += factor * u[(k, j)];
+                    rows[(i, j)] += ratio * u[(k, j)];
                 }
             }
             let size = rows.row(i).norm();
@@ -111,4 +111,42 @@ fn jacobi(logs: &mut DVector<f64>, u: &mut DMatrix<f64>) {
             break;
         }
     }
+}
+
+/// Makes the columns of `a` orthonormal in place by Gram–Schmidt, each column done `PASSES` times: twice is as good as
+/// reflections, and keeps the order of the columns. `part_of` receives what is to be added to the entry of R in row i and column
+/// j; the diagonal of R is positive.
+pub(crate) fn orthonormalise<const PASSES: usize>(
+    a: &mut DMatrix<f64>,
+    mut part_of: impl FnMut(usize, usize, f64),
+) {
+    let n = a.nrows();
+    for j in 0..n {
+        let (done, rest) = a.as_mut_slice().split_at_mut(j * n);
+        let column = &mut rest[..n];
+        for _ in 0..PASSES {
+            for (i, q) in done.chunks_exact(n).enumerate() {
+                let part = dot(q, column);
+                part_of(i, j, part);
+                for k in 0..n {
+                    column[k] -= part * q[k];
+                }
+            }
+        }
+        let norm = dot(column, column).sqrt();
+        part_of(j, j, norm);
+        column.iter_mut().for_each(|x| *x /= norm);
+    }
+}
+
+/// In four sums, so that they need not wait for one another.
+#[inline(always)]
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let n = a.len();
+    let b = &b[..n];
+    let mut sums = [0.0; 4];
+    for k in 0..n {
+        sums[k % 4] += a[k] * b[k];
+    }
+    (sums[0] + sums[1]) + (sums[2] + sums[3])
 }
