@@ -2,6 +2,9 @@
 
 mod behaviour;
 mod cart_pendulum;
+#[path = "../../src/filter.rs"]
+#[expect(dead_code, reason = "a file of the library with tests of what is no public name")]
+mod filter;
 mod hock_schittkowski;
 mod infeasible;
 mod interior_point;
