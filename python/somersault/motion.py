@@ -4,8 +4,9 @@ Readers bring files to one convention: m, s, x forward, y left and z up. A `Mark
 named markers, with gaps; a `SkeletonRecording` a tree of joints and how they turned; a `KeypointRecording`
 what a pose estimator found; a `ChannelRecording` named numbers. Their `repairs` list what was put right in a
 file. A `MarkerFit` lays a model with a `MarkerSet` over markers; `reconstruct_flight` finds the flight behind
-them by the laws of flight, with its angular momentum; `Pca`, `project` and `GroupComparison`
-describe motions; a `ScoringModel` learns scores, and `validate` measures how accurate they are.
+them by the laws of flight, with its angular momentum, and `analyse` says what it was and what to do; `Pca`,
+`project` and `GroupComparison` describe motions; a `ScoringModel` learns scores, and `validate` measures
+how accurate they are.
 
 | Format | Reader | Writer | Of |
 |---|---|---|---|
@@ -46,10 +47,11 @@ Whether it is a success is another question: joint centres do not say how head, 
 (False, 'undetermined')
 """
 
+from somersault._analysis import FlightAnalysis, analyse
 from somersault._body_models import read_amass
 from somersault._markers import low_pass, place_markers
 from somersault._somersault import motion as _extension
 from somersault._somersault.motion import *  # noqa: F403
 
-__all__ = ["low_pass", "place_markers", "read_amass"]
+__all__ = ["FlightAnalysis", "analyse", "low_pass", "place_markers", "read_amass"]
 __all__ += _extension.__all__

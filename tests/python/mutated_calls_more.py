@@ -595,6 +595,32 @@ motion.reconstruct_flight(
     interval=(float(stamps[0]), float(stamps[-1])),
     max_iterations=3,
 )
+straight = planar.configuration("A")
+pushed[:3] = 1.0, 4.0, -2.6
+turning = multibody.fly(
+    planar.model, straight, pushed, lambda t: (straight[3:], 0 * straight[3:]), (0, 1), dt=0.05
+)
+paired_centres = motion.MarkerSet.joint_centres(planar.model)
+places = motion.place_markers(paired_centres, turning.t, turning.q)
+blurred = places.points + np.random.default_rng(1).normal(0.0, 0.005, places.points.shape)
+fallen = motion.reconstruct_flight(
+    paired_centres,
+    motion.MarkerRecording(places.names, places.times, blurred),
+    scale=1.0,
+    interval=(0.0, 1.0),
+)
+motion.what_if(
+    fallen,
+    opening=0.0,
+    posture=0.1,
+    momentum=0.1,
+    height=0.1,
+    phase=(0.1, 0.3, 0.6, 0.9),
+    joints={"thigh": 1.0},
+)
+advised = motion.advise_flight(fallen, half_somersaults=1, facing="water", line_up=0.1, momentum_reach=0.1)
+advised.to_dict()
+advised.advice[0].to_dict()
 motion.normalize_frames(stamps, np.zeros(20), 10)
 motion.somersaults(spatial.model, still)
 performances = [

@@ -20,6 +20,7 @@ RESULTS = (
     "ExamScene",
     "ExponentConvergence",
     "Failure",
+    "FlightAnalysis",
     "FtleField",
     "LyapunovSpectrum",
     "MinimizeResult",

@@ -91,7 +91,7 @@ def test_the_command_line_prints_the_methods() -> None:
 
 def test_the_command_line_says_what_it_can_do() -> None:
     assert run("--version").stdout.strip() == f"somersault {somersault.__version__}"
-    assert "{methods,integrate,dive,score,view,bench,exam,schema}" in run("--help").stdout
+    assert "{methods,integrate,dive,score,analyse,view,bench,exam,schema}" in run("--help").stdout
     assert run("somersault").returncode == 2
 
 

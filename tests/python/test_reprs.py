@@ -212,6 +212,28 @@ def reconstructed() -> motion.ReconstructedFlight:
     return motion.reconstruct_flight(markers, motion.place_markers(markers, t, q), noise=0.01, scale=1.0)
 
 
+def analysed() -> motion.FlightAnalysis:
+    found = reconstructed()
+    seen = motion.place_markers(found.markers, found.times, found.q)
+    return motion.analyse(seen, found.markers, noise=0.01, scale=1.0, optimum=False)
+
+
+@cache
+def unvertical() -> motion.FlightAdvice:
+    """Advice on a straight half somersault that is short."""
+    diver = multibody.diver_planar()
+    straight = diver.configuration("A")
+    v = np.zeros(12)
+    v[:3] = 1.0, 4.0, -2.6
+    run = multibody.fly(diver.model, straight, v, lambda t: (straight[3:], v[3:]), (0.0, 1.0), dt=0.02)
+    markers = motion.MarkerSet.joint_centres(diver.model)
+    seen = motion.place_markers(markers, run.t, run.q)
+    points = seen.points + np.random.default_rng(1).normal(0.0, 0.005, seen.points.shape)
+    noisy = motion.MarkerRecording(seen.names, seen.times, points)
+    flight = motion.reconstruct_flight(markers, noisy, scale=1.0, interval=(0.0, 1.0))
+    return motion.advise_flight(flight, half_somersaults=1)
+
+
 def skeleton() -> motion.Skeleton:
     return motion.Skeleton(
         [motion.SkeletonJoint("hip", moves=True), motion.SkeletonJoint("knee", 0, (0, 0, -1))]
@@ -353,6 +375,10 @@ MADE: dict[str, Callable[[], Any]] = {
     "Correlation": lambda: validation().pearson,
     "DiveFaults": lambda: motion.DiveFaults(1 / 3, 2 / 3, 1 / 7, 0.1, 23 / 3),
     "FlightPhase": lambda: motion.find_flight(4.0 * TIMES - 4.905 * TIMES**2, times=TIMES),
+    "Advice": lambda: unvertical().advice[0],
+    "FlightAdvice": lambda: unvertical(),
+    "FlightAnalysis": analysed,
+    "WhatIf": lambda: motion.what_if(reconstructed(), momentum=0.1),
     "FlightReport": lambda: motion.identify_flight(reconstructed()),
     "GroupComparison": lambda: motion.GroupComparison({f"group {i}": [fit()] for i in range(90)}, "scale"),
     "JudgedSet": lambda: dives().judged_set(),

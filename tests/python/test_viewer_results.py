@@ -191,6 +191,10 @@ SHOWN: dict[str, Callable[[pytest.FixtureRequest, Path], Any]] = {
     "SkeletonRecording": lambda _, __: motion.read_bvh(HERE / "motions" / "bvhio.bvh", unit="cm"),
     "MotionFit": lambda _, __: motion.MarkerFit(MARKERS).fit(seen()),
     "ReconstructedFlight": lambda _, __: motion.reconstruct_flight(MARKERS, seen(), noise=0.01),
+    "WhatIf": lambda _, __: motion.what_if(
+        motion.reconstruct_flight(MARKERS, seen(), noise=0.01), momentum=0.1
+    ),
+    "FlightAnalysis": lambda _, __: motion.analyse(seen(), MARKERS, noise=0.01, optimum=False),
     "SyntheticDive": lambda _, __: motion.SyntheticFlight(DIVER.model, TIMES, FALL).perturb(
         motion.Perturbation(looseness=0.1)
     ),
@@ -201,6 +205,7 @@ ARGUMENTS = {"Model", "Robot", "RigidBody", "FreeBody"}
 
 #: Classes that are no results, or hold no motion of bodies.
 WITHOUT = {
+    "Advice",
     "Band",
     "Baseline",
     "Box",
@@ -227,6 +232,7 @@ WITHOUT = {
     "ExponentConvergence",
     "ExternalFunction",
     "Failure",
+    "FlightAdvice",
     "FlightPhase",
     "FlightReport",
     "Following",

@@ -15,6 +15,7 @@
 //! | heights, markers → take-off and entry | [`phases`] | – |
 //! | markers of a flight → momentum and motion that obey the laws of flight | [`reconstruction`] | – |
 //! | a reconstructed flight → dive number and figures, with intervals | [`identification`] | – |
+//! | a reconstructed flight flown again with a change → advice for the entry | [`advice`] | – |
 //! | eigenpostures of motions, projection on a base, comparison of groups | [`analysis`] | 4.1.1, 4.2 |
 //! | motions with scores that users provide | [`judged`] | 4.1.2 |
 //! | motions → scores | [`scoring`] | 4.1 |
@@ -31,6 +32,7 @@
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::unreachable, clippy::todo)
 )]
 
+pub mod advice;
 pub mod analysis;
 pub mod fit;
 pub mod identification;

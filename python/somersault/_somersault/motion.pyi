@@ -10,11 +10,13 @@ from somersault._somersault.multibody import Diver, Model
 from somersault._somersault.ocp import EigenpostureBase
 
 __all__ = [
+    "Advice",
     "Band",
     "Baseline",
     "ChannelRecording",
     "Correlation",
     "DiveFaults",
+    "FlightAdvice",
     "FlightPhase",
     "FlightReport",
     "GroupComparison",
@@ -41,6 +43,8 @@ __all__ = [
     "SyntheticJudge",
     "SyntheticSet",
     "Validation",
+    "WhatIf",
+    "advise_flight",
     "common_eigenpostures",
     "eigenpostures_per_motion",
     "find_flight",
@@ -65,6 +69,7 @@ __all__ = [
     "somersaults",
     "spearman",
     "validate",
+    "what_if",
     "write_bvh",
     "write_c3d",
     "write_csv",
@@ -638,6 +643,125 @@ class FlightReport:
 def identify_flight(
     flight: ReconstructedFlight, *, facing: Literal["water", "board"] | None = None
 ) -> FlightReport: ...
+
+_Correction: TypeAlias = Literal["open_later", "open_earlier", "tighter", "more_momentum", "less_momentum"]
+
+@final
+class WhatIf:
+    @property
+    def flight(self) -> ReconstructedFlight: ...
+    @property
+    def model(self) -> Model: ...
+    @property
+    def opening(self) -> float: ...
+    @property
+    def posture(self) -> float: ...
+    @property
+    def momentum(self) -> float: ...
+    @property
+    def height(self) -> float: ...
+    @property
+    def phase(self) -> tuple[float, float, float, float] | None: ...
+    @property
+    def joints(self) -> dict[str, float] | None: ...
+    @property
+    def t(self) -> _Floats: ...
+    @property
+    def q(self) -> _Floats: ...
+    @property
+    def somersaults(self) -> float: ...
+    @property
+    def twists(self) -> float: ...
+    @property
+    def entry_angle(self) -> float: ...
+    @property
+    def somersaults_change(self) -> float: ...
+    @property
+    def twists_change(self) -> float: ...
+    @property
+    def entry_angle_change(self) -> float: ...
+    @property
+    def linear_somersaults_change(self) -> float: ...
+    @property
+    def linear_twists_change(self) -> float: ...
+    @property
+    def linear_entry_angle_change(self) -> float: ...
+    @property
+    def agrees(self) -> bool: ...
+    def to_dict(self) -> dict[str, Any]: ...
+
+def what_if(
+    flight: ReconstructedFlight,
+    *,
+    opening: float = 0.0,
+    posture: float = 0.0,
+    momentum: float = 0.0,
+    height: float = 0.0,
+    phase: tuple[float, float, float, float] | None = None,
+    joints: dict[str, float] | None = None,
+) -> WhatIf: ...
+
+@final
+class Advice:
+    @property
+    def correction(self) -> _Correction: ...
+    @property
+    def amount(self) -> float: ...
+    @property
+    def amount_interval(self) -> tuple[float, float]: ...
+    @property
+    def reach(self) -> float: ...
+    @property
+    def covers(self) -> float: ...
+    @property
+    def entry_angle_change(self) -> float: ...
+    @property
+    def linear_entry_angle_change(self) -> float: ...
+    @property
+    def agrees(self) -> bool: ...
+    @property
+    def words(self) -> str: ...
+    def to_dict(self) -> dict[str, Any]: ...
+    def __eq__(self, other: object, /) -> bool: ...
+
+@final
+class FlightAdvice:
+    @property
+    def flight(self) -> ReconstructedFlight: ...
+    @property
+    def status(
+        self,
+    ) -> Literal[
+        "given",
+        "vertical",
+        "nothing_sure",
+        "no_target",
+        "far_from_target",
+        "other_gravity",
+        "not_reconstructed",
+    ]: ...
+    @property
+    def half_somersaults(self) -> int: ...
+    @property
+    def entry_angle(self) -> float: ...
+    @property
+    def entry_angle_interval(self) -> tuple[float, float]: ...
+    @property
+    def message(self) -> str: ...
+    @property
+    def advice(self) -> tuple[Advice, ...]: ...
+    @property
+    def withheld(self) -> tuple[_Correction, ...]: ...
+    def to_dict(self) -> dict[str, Any]: ...
+
+def advise_flight(
+    flight: ReconstructedFlight,
+    *,
+    half_somersaults: int | None = None,
+    facing: Literal["water", "board"] | None = None,
+    line_up: float | None = None,
+    momentum_reach: float | None = None,
+) -> FlightAdvice: ...
 def reconstruct_flight(
     markers: MarkerSet,
     recording: MarkerRecording,

@@ -50,7 +50,7 @@ def _schema(arguments: argparse.Namespace) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    from somersault.cli import bench, dive, exam, motion, score, view
+    from somersault.cli import analyse, bench, dive, exam, motion, score, view
 
     parser = argparse.ArgumentParser(
         prog="somersault",
@@ -72,6 +72,7 @@ def _parser() -> argparse.ArgumentParser:
     motion.add(commands)
     dive.add(commands)
     score.add(commands)
+    analyse.add(commands)
     view.add(commands)
     bench.add(commands)
     exam.add(commands)
@@ -81,7 +82,8 @@ def _parser() -> argparse.ArgumentParser:
         help="print the JSON schema of an input",
         description="Prints the JSON schema of an input, for editors and validators.",
     )
-    schemas.add_argument("name", choices=("integrate", "dive", "score"), help="input of this command")
+    names = ("integrate", "dive", "score", "diver")
+    schemas.add_argument("name", choices=names, help="input of this command, or diver of `analyse`")
     schemas.set_defaults(command=_schema)
 
     for name in ("integrate", "dive", "score", "bench"):

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
 
+from somersault._analysis import FlightAnalysis
 from somersault._arm_extremals import ArmExtremal
 from somersault._somersault import contact, exact, ftla, integrators, motion, multibody, ocp
 from somersault._somersault.integrators import RigidBody, Trajectory
@@ -225,6 +226,8 @@ MOTIONS: dict[type, Callable[[Any], Subject]] = {
     motion.MotionFit: _of_fit,
     motion.ReconstructedFlight: lambda flight: _of_size(flight.model, flight.scale, flight.times, flight.q),
     motion.SkeletonRecording: _of_skeleton,
+    motion.WhatIf: lambda found: _of_size(found.model, found.flight.scale, found.t, found.q),
+    FlightAnalysis: lambda found: Subject(found.flight),
     motion.SyntheticDive: lambda dive: Subject(dive.model, dive.times, dive.q),
     ocp.CollocationResult: _of_collocation,
     ocp.DiveSolution: _of_dive,

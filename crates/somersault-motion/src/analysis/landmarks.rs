@@ -29,6 +29,11 @@ impl Landmarks {
         })
     }
 
+    /// The bodies whose joints are the hips, and those whose joints are the knees.
+    pub(crate) fn hips_and_knees(&self) -> [&[usize]; 2] {
+        [&self.thighs, &self.shanks]
+    }
+
     /// Between the directions from thigh to head and from thigh to shank, rad, the mean of both sides.
     pub(crate) fn hip_angle(&self, model: &Model, data: &mut Data, q: &[f64]) -> Result<f64, DynamicsError> {
         let positions = model.positions(data, q)?;

@@ -31,6 +31,8 @@ mod report;
 pub use code::{Direction, Facing, Group};
 pub use count::Count;
 pub use position::Position;
+pub(crate) use position::{Angles, HIP};
+pub(crate) use report::line_ahead;
 pub use report::{FlightReport, IdentificationStatus, identify_flight};
 
 use somersault_multibody::DynamicsError;

@@ -37,7 +37,7 @@ impl Position {
 }
 
 /// Angles of the hip between straight and folded, and of the knee between pike and tuck, and how sharp these are, rad.
-const HIP: f64 = 2.27;
+pub(crate) const HIP: f64 = 2.27;
 const KNEE: f64 = 2.18;
 const SHARP: f64 = 0.15;
 /// How far the hip may be open beyond its least angle where the knee is looked at, rad.
@@ -52,14 +52,14 @@ const TWISTING: f64 = 0.25;
 const FLYING: (f64, f64) = (0.46, 0.03);
 
 /// Angles of a flight.
-pub(super) struct Angles {
-    hip: Vec<f64>,
-    knee: Vec<f64>,
+pub(crate) struct Angles {
+    pub(crate) hip: Vec<f64>,
+    pub(crate) knee: Vec<f64>,
     deviation: f64,
 }
 
 impl Angles {
-    pub(super) fn of(
+    pub(crate) fn of(
         model: &Model,
         landmarks: &Landmarks,
         flight: &ReconstructedFlight,
@@ -86,12 +86,12 @@ impl Angles {
     }
 
     /// The frame in which the hip is closed most.
-    fn closest(&self) -> usize {
+    pub(crate) fn closest(&self) -> usize {
         (0..self.hip.len()).min_by(|i, j| self.hip[*i].total_cmp(&self.hip[*j])).unwrap_or(0)
     }
 
     /// Least angle of the hip, and the mean of the knee's where the hip is nearly as closed, rad, with their deviation.
-    pub(super) fn least(&self) -> [f64; 3] {
+    pub(crate) fn least(&self) -> [f64; 3] {
         let least = self.hip[self.closest()];
         let near = self.hip.iter().zip(&self.knee).filter(|(hip, _)| **hip < least + CLOSED);
         let (sum, n) = near.fold((0.0, 0.0), |(sum, n), (_, knee)| (sum + knee, n + 1.0));

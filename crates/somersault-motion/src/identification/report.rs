@@ -210,17 +210,9 @@ fn quadratic(flight: &ReconstructedFlight, start: usize, gradient: &[f64]) -> f6
 /// The angle of the line from feet to hands from the vertical, whole turns counted as those of the body's long axis, and its standard
 /// deviation, joints independent.
 fn inclination(model: &Model, landmarks: &Landmarks, frame: &FlightFrame) -> Result<[f64; 2], DynamicsError> {
-    let counting = counting_of(model);
     let mut data = Data::new(model);
     let twist = TAU * frame.twists;
-    // in the body's axes, turned back by the twist
-    let mut ahead = |q: &[f64]| -> Result<f64, DynamicsError> {
-        let line = landmarks.long_axis(model, &mut data, q)?;
-        let turn = model.positions(&mut data, q)?.pose(0)?.rotation;
-        let own = counting.axes.inverse() * turn.tr_mul(&line);
-        let front = own.x * twist.cos() - own.y * twist.sin();
-        Ok(front.atan2(own.z))
-    };
+    let mut ahead = |q: &[f64]| line_ahead(model, landmarks, &mut data, q, twist);
     let angle = ahead(&frame.q)?;
     let n = model.n_velocities();
     let n_linear = n - frame.deviations.len();
@@ -238,6 +230,21 @@ fn inclination(model: &Model, landmarks: &Landmarks, frame: &FlightFrame) -> Res
         variance += (slope * frame.deviations[k - n_linear]).powi(2);
     }
     Ok([frame.inclination + angle, variance.sqrt()])
+}
+
+/// How far the line from feet to hands leans forward of the body's long axis, rad, seen in the body turned back by its twist.
+pub(crate) fn line_ahead(
+    model: &Model,
+    landmarks: &Landmarks,
+    data: &mut Data,
+    q: &[f64],
+    twist: f64,
+) -> Result<f64, DynamicsError> {
+    let line = landmarks.long_axis(model, data, q)?;
+    let turn = model.positions(data, q)?.pose(0)?.rotation;
+    let own = counting_of(model).axes.inverse() * turn.tr_mul(&line);
+    let front = own.x * twist.cos() - own.y * twist.sin();
+    Ok(front.atan2(own.z))
 }
 
 /// The velocity to the front of the body in the first frame, with its standard deviation.

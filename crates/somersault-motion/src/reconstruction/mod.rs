@@ -52,7 +52,7 @@ pub use crate::noise::MarkerNoise;
 pub use flight::{FlightFrame, Quantity, ReconstructedFlight, ReconstructionStatus};
 pub use options::{BodyScale, ReconstructionOptions};
 pub use problem::FlightReconstruction;
-pub(crate) use report::counting_of;
+pub(crate) use report::{counting_of, travelling};
 
 use crate::fit::FitError;
 use crate::phases::PhaseError;

@@ -208,30 +208,13 @@ impl Report<'_> {
         Ok(gradient)
     }
 
-    /// The world turned about the vertical, so that the axis of the somersault is lateral to the body in its first frame.
-    fn travel(&self, estimate: &Estimate, at: &Linearized) -> UnitQuaternion<f64> {
-        let body = at.attitudes[0].orientation * self.counting().axes;
-        let placement = self.model.placement(0).map_or(Matrix3::identity(), |p| p.rotation);
-        let left = placement * (body * Vector3::y());
-        let momentum = estimate.momentum;
-        let level = Vector3::new(momentum.x, momentum.y, 0.0);
-        let axis = if level.norm() > HORIZONTAL * momentum.norm() {
-            level * level.dot(&left).signum()
-        } else {
-            Vector3::new(left.x, left.y, 0.0)
-        };
-        UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -(-axis.x).atan2(axis.y))
-    }
-
     fn counting(&self) -> Counting {
         counting_of(self.model)
     }
 
     /// The root in the frame of travel, in each frame.
     fn travelling(&self, estimate: &Estimate, at: &Linearized) -> Vec<UnitQuaternion<f64>> {
-        let travel = self.travel(estimate, at);
-        let placement = self.counting().axes.inverse();
-        at.attitudes.iter().map(|attitude| travel * placement * attitude.orientation).collect()
+        travelling(self.model, &estimate.momentum, at.attitudes.iter().map(|attitude| attitude.orientation))
     }
 
     /// Momentum, take-off, scale and gravity with their covariance.
@@ -304,6 +287,32 @@ impl Report<'_> {
             flight.turns_deviation[k] = row.dot(&(covariance * &row)).max(0.0).sqrt() / TAU;
         }
     }
+}
+
+/// Orientations of the root in its joint frame, seen in the world turned about the vertical, so that the axis of the somersault is lateral to
+/// the body in the first of them.
+pub(crate) fn travelling(
+    model: &Model,
+    momentum: &Vector3<f64>,
+    orientations: impl IntoIterator<Item = UnitQuaternion<f64>>,
+) -> Vec<UnitQuaternion<f64>> {
+    let counting = counting_of(model);
+    let placement = model.placement(0).map_or(Matrix3::identity(), |p| p.rotation);
+    let mut travel = None;
+    let in_travel = |orientation: UnitQuaternion<f64>| {
+        let travel = travel.get_or_insert_with(|| {
+            let left = placement * (orientation * counting.axes * Vector3::y());
+            let level = Vector3::new(momentum.x, momentum.y, 0.0);
+            let axis = if level.norm() > HORIZONTAL * momentum.norm() {
+                level * level.dot(&left).signum()
+            } else {
+                Vector3::new(left.x, left.y, 0.0)
+            };
+            UnitQuaternion::from_axis_angle(&Vector3::z_axis(), -(-axis.x).atan2(axis.y))
+        });
+        *travel * counting.axes.inverse() * orientation
+    };
+    orientations.into_iter().map(in_travel).collect()
 }
 
 /// The body's axes, x forward and z along it, in those of the root: those of the world at the neutral configuration.

@@ -1,5 +1,6 @@
 //! Tests of recorded motions, as one program.
 
+mod advice;
 mod allocation;
 mod analysis;
 mod dialects;

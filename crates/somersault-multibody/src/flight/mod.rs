@@ -16,15 +16,17 @@
 //! the plane only, c and g in the plane, and the angle of the root is a mere quadrature.
 //!
 //! One evaluation costs O(n), its derivatives by all of the shape as well. [`FlightSystem`] is the
-//! equation for R as the integrators take it.
+//! equation for R as the integrators take it; a [`KnownFlight`] is flown again with a [`FlightChange`].
 //!
 //! Sources: T. R. Kane and M. P. Scher, Int. J. Solids Structures 5 (1969) 663; R. Montgomery, *Gauge
 //! theory of the falling cat*, Fields Institute Communications 1 (1993) 193.
 
+mod changed;
 mod derivatives;
 pub mod step;
 mod system;
 
+pub use changed::{ChangedFlight, FlightChange, HeldPosture, JointCurves, KnownFlight, N_CHANGES};
 pub use derivatives::FlightDerivatives;
 pub use system::{FlightSystem, FlightWorkspace, ShapeMotion};
 
@@ -297,6 +299,15 @@ impl<'m, T: Scalar> Flight<'m, T> {
         let angular = inverse_inertia * (momentum - of_shape.about(&center).angular);
         let linear = center.cross(&angular) - of_shape.linear / inertia.mass;
         Ok(Reduced { turn, center, inverse_inertia, momentum, velocity: Motion::new(linear, angular) })
+    }
+
+    /// Writes an orientation of the root in its joint frame into a configuration; of a planar one the angle within a turn.
+    fn write_orientation(&self, orientation: &UnitQuaternion<T>, q: &mut [T]) {
+        if self.is_planar {
+            q[2] = orientation.k.atan2(orientation.w) * constant(2.0);
+        } else {
+            q[3..7].copy_from_slice(orientation.coords.as_slice());
+        }
     }
 
     /// Rotation of the root in its joint frame.

@@ -20,6 +20,7 @@ use somersault::integrators::methods::{Method, UnknownMethod};
 use somersault::integrators::stepper::StepError;
 use somersault::integrators::studies::StudyError;
 use somersault::integrators::system::CountMismatch;
+use somersault::motion::advice::AdviceError;
 use somersault::motion::analysis::AnalysisError;
 use somersault::motion::fit::FitError;
 use somersault::motion::identification::IdentificationError;
@@ -424,6 +425,17 @@ impl From<FitError> for Error {
     fn from(error: FitError) -> Self {
         match error {
             FitError::Model(error) => error.into(),
+            error => Self::own(Class::Input, &error),
+        }
+    }
+}
+
+impl From<AdviceError> for Error {
+    fn from(error: AdviceError) -> Self {
+        match error {
+            AdviceError::Model(error) => error.into(),
+            AdviceError::Flight(error) => error.into(),
+            AdviceError::Identification(error) => error.into(),
             error => Self::own(Class::Input, &error),
         }
     }

@@ -62,15 +62,20 @@ pub(crate) fn identify_flight(
     flight: &Bound<'_, ReconstructedFlight>,
     facing: Option<&str>,
 ) -> Result<FlightReport, Error> {
+    let side = facing_of(facing)?;
+    let own = flight.get();
+    let report = identification::identify_flight(&own.markers.get().model.get().model, &own.flight, side)?;
+    Ok(FlightReport { flight: flight.clone().unbind(), facing: side, report })
+}
+
+/// Where the diver faced.
+pub(super) fn facing_of(facing: Option<&str>) -> Result<Option<Facing>, Error> {
     let side = facing.map(|name| {
         let known = Facing::ALL.iter().find(|(_, known)| *known == name);
         let wrong = || Error::input(format!("`facing` must be 'water' or 'board', found '{name}'"));
         known.map(|(side, _)| *side).ok_or_else(wrong)
     });
-    let side = side.transpose()?;
-    let own = flight.get();
-    let report = identification::identify_flight(&own.markers.get().model.get().model, &own.flight, side)?;
-    Ok(FlightReport { flight: flight.clone().unbind(), facing: side, report })
+    side.transpose()
 }
 
 /// What a flight was. Values are for the given masses, angles in rad; ``print`` shows degrees.

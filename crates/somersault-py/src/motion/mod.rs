@@ -1,5 +1,6 @@
 //! Recorded motions.
 
+mod advice;
 mod channels;
 mod convention;
 mod faults;
@@ -25,6 +26,8 @@ mod writers;
 /// Recorded motions: read, fitted by a model, analysed and scored.
 #[pyo3::pymodule(name = "motion", module = "somersault._somersault", submodule)]
 pub(crate) mod module {
+    #[pymodule_export]
+    use crate::motion::advice::{Advice, FlightAdvice, WhatIf, advise_flight, what_if};
     #[pymodule_export]
     use crate::motion::channels::ChannelRecording;
     #[pymodule_export]
