@@ -2,6 +2,7 @@
 
 mod behaviour;
 mod cart_pendulum;
+mod dependent;
 mod hock_schittkowski;
 mod infeasible;
 mod interior_point;
