@@ -245,7 +245,7 @@ SLACK = 1.0
 
 
 class TestLimitsOfTimeThatEndLongWork:
-    """A step of the solver, of an integration or of a quadratic program is the longest that a limit waits for."""
+    """A step of an integration or of a quadratic program is the longest that a limit waits for."""
 
     def test_polish_of_a_chain(self) -> None:
         # its equations take seconds

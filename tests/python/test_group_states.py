@@ -115,7 +115,7 @@ def test_a_hub_with_an_arm_is_polished() -> None:
 def test_a_satellite_with_hinges_is_polished() -> None:
     problem, turned = satellite()
     exact = problem.polish(turned)
-    # its momentum is not controlled, so that variations do not reach all states and conjugate points have no meaning
+    # its momentum is not controlled: variations do not reach all states, and conjugate points have no meaning
     assert exact.verdict == "first_order" and exact.residual < 1e-10, exact.message
     assert exact.cost == pytest.approx(problem.solve(turned, tol=1e-9).cost, rel=1e-8)
     # nothing acts on it from outside: its angular momentum stays

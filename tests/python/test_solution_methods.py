@@ -239,7 +239,9 @@ def test_what_a_way_cannot_take_is_named() -> None:
     with pytest.raises(InputError, match="`method` must be 'auto', 'shooting'"):
         chain(1, 0.0).solve(method="splines")  # type: ignore[call-overload]
     several = ocp.MultiphaseProblem([chain(1, 0.0)])
-    with pytest.raises(InputError, match="'auto' or 'collocation' for a problem of several phases, found 'sh"):
+    with pytest.raises(
+        InputError, match="'auto' or 'collocation' for a problem of several phases, found 'sh"
+    ):
         several.solve(method="shooting")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="for a problem of several phases, found 'indirect'"):
         several.search(2, method="indirect")  # type: ignore[arg-type]
