@@ -27,6 +27,14 @@ const UNREACHED: &str =
     "the linearised equations do not reach all states, so that conjugate points have no meaning";
 /// Divisions of an interval around a conjugate point.
 const DIVISIONS: usize = 60;
+/// Part of its neighbours that the smallest singular value of the states has at the sample next to a point where it vanishes, at most:
+/// a third where it is linear on both sides.
+const DIP: f64 = 0.5;
+/// The same part where it counts as zero.
+const TOUCH: f64 = 1e-6;
+/// Golden section.
+const GOLDEN: f64 = 0.618_033_988_749_895;
+const DIPPED: &str = "the linearised equations hardly reach some states on the way, so that a point may be conjugate to the end in two directions at once";
 
 fn undecided(reason: &str) -> Verdict {
     Verdict::FirstOrder { reason: reason.to_owned() }
@@ -395,6 +403,55 @@ fn states(
     states
 }
 
+/// A family from one sample to the next.
+struct Step<'s> {
+    arc: usize,
+    ends: [&'s Sample; 2],
+    /// At the first of them.
+    family: Family,
+    /// The smallest singular value of the states at the second.
+    least: f64,
+}
+
+/// Where smallest singular values may vanish between three samples, though no determinant changes its sign: the middle ones.
+fn dips(least: &[f64]) -> impl Iterator<Item = usize> {
+    least.windows(3).enumerate().filter_map(|(k, values)| {
+        let [before, here, after] = [values[0], values[1], values[2]];
+        (here <= before && here <= after && here <= DIP * before.max(after)).then_some(k + 1)
+    })
+}
+
+/// The first time at which a family has no states in an even number of directions at once, as geodesics of a sphere do: its determinant
+/// keeps the sign.
+fn touched(
+    shooting: &mut Shooting<'_>,
+    at: &Iterate,
+    steps: &[Step<'_>],
+    directions: &Directions,
+    with_motion: bool,
+) -> Option<f64> {
+    let least: Vec<f64> = steps.iter().map(|step| step.least).collect();
+    for k in dips(&least).collect::<Vec<_>>() {
+        let size = least[k - 1].max(least[k + 1]);
+        for step in &steps[k..=k + 1] {
+            let mut value = |duration: f64| {
+                let states = states_after(shooting, at, step, directions, with_motion, duration)?;
+                Some(states.singular_values().min())
+            };
+            let (mut low, mut high) = (0.0, step.ends[1].time - step.ends[0].time);
+            for _ in 0..DIVISIONS {
+                let inner = [high - GOLDEN * (high - low), low + GOLDEN * (high - low)];
+                if value(inner[0])? <= value(inner[1])? { high = inner[1] } else { low = inner[0] }
+            }
+            let middle = 0.5 * (low + high);
+            if value(middle)? <= TOUCH * size {
+                return Some(step.ends[0].time + middle);
+            }
+        }
+    }
+    None
+}
+
 /// Carries a family from the start to the end, where it arrives; a conjugate point on the way is a verdict. Next to the start, where
 /// the family has no determinant to rounding, a companion shows that nothing is conjugate there.
 fn scan(
@@ -408,13 +465,16 @@ fn scan(
     let sizes = shooting.sizes.to_vec();
     let mut companion = Family::of_states(directions, at.first(), shooting.hamiltonian.n);
     let mut last_sign = None;
+    let mut steps: Vec<Step<'_>> = Vec::new();
     for (a, arc) in samples.iter().enumerate() {
         for (k, sample) in arc.iter().enumerate().skip(1) {
             let transition = in_units(&sample.transition, &sizes);
             let next = family.carried(&transition);
             let matrix = states(&next, directions, sample, &sizes, with_motion);
             let sign = matrix.determinant().signum();
-            let is_clear = matrix.singular_values().min() > CLEAR;
+            let least = matrix.singular_values().min();
+            let is_clear = least > CLEAR;
+            let step = Step { arc: a, ends: [&arc[k - 1], sample], family, least };
             match last_sign {
                 None => {
                     companion = companion.carried(&transition);
@@ -424,8 +484,8 @@ fn scan(
                     }
                 }
                 Some(last) if is_clear && last != sign => {
-                    let between = [&arc[k - 1], sample];
-                    let time = located(shooting, at, a, between, &family, directions, with_motion);
+                    let time = touched(shooting, at, &steps, directions, with_motion)
+                        .unwrap_or_else(|| located(shooting, at, &step, directions, with_motion));
                     return Err(Verdict::ConjugatePoint { time: at.start + time });
                 }
                 Some(_) => {}
@@ -433,8 +493,12 @@ fn scan(
             if is_clear {
                 last_sign = Some(sign);
             }
+            steps.push(step);
             family = next;
         }
+    }
+    if let Some(time) = touched(shooting, at, &steps, directions, with_motion) {
+        return Err(Verdict::ConjugatePoint { time: at.start + time });
     }
     if last_sign.is_some() { Ok(family) } else { Err(undecided(UNREACHED)) }
 }
@@ -552,13 +616,16 @@ fn from_the_end(
     let mut companion = Family::of_states(directions, &last.point, n);
     let mut family = Family { variations };
     let mut last_sign = None;
+    let mut all_least = Vec::new();
     for pair in samples.iter().rev().flat_map(|arc| arc.windows(2).rev()) {
         let [before, sample] = pair else { continue };
         let Some(back) = in_units(&sample.transition, sizes).try_inverse() else { return undecided(UNCLEAR) };
         family = family.carried(&back);
         let matrix = directions.of_states(&family, &before.point);
         let sign = matrix.determinant().signum();
-        let is_clear = matrix.singular_values().min() > CLEAR;
+        let least = matrix.singular_values().min();
+        let is_clear = least > CLEAR;
+        all_least.push(least);
         match last_sign {
             None => {
                 companion = companion.carried(&back);
@@ -578,29 +645,42 @@ fn from_the_end(
             last_sign = Some(sign);
         }
     }
+    if dips(&all_least).next().is_some() {
+        return undecided(DIPPED);
+    }
     if last_sign.is_some() { Verdict::StrictMinimum } else { undecided(UNREACHED) }
+}
+
+/// The states of the family of a step, so long after its first sample.
+fn states_after(
+    shooting: &mut Shooting<'_>,
+    at: &Iterate,
+    step: &Step<'_>,
+    directions: &Directions,
+    with_motion: bool,
+    duration: f64,
+) -> Option<DMatrix<f64>> {
+    let flow = &mut shooting.flows[step.arc];
+    flow.set_guess(&at.guesses[step.arc][0]);
+    let arrival = follow(flow, shooting.sizes, &step.ends[0].point, duration, true, shooting.token)?;
+    let rates = flow.rates_at(&arrival.point);
+    let transition = arrival.transition?;
+    let carried = step.family.carried(&in_units(&transition, shooting.sizes));
+    let there = Sample { time: 0.0, point: arrival.point, observed: Vec::new(), rates, transition };
+    Some(states(&carried, directions, &there, shooting.sizes, with_motion))
 }
 
 /// When the determinant of a family is zero between two samples.
 fn located(
     shooting: &mut Shooting<'_>,
     at: &Iterate,
-    arc: usize,
-    [before, after]: [&Sample; 2],
-    family: &Family,
+    step: &Step<'_>,
     directions: &Directions,
     with_motion: bool,
 ) -> f64 {
-    let (sizes, token) = (shooting.sizes.to_vec(), shooting.token);
-    let flow = &mut shooting.flows[arc];
+    let [before, after] = step.ends;
     let mut determinant = |duration: f64| {
-        flow.set_guess(&at.guesses[arc][0]);
-        let arrival = follow(flow, &sizes, &before.point, duration, true, token)?;
-        let rates = flow.rates_at(&arrival.point);
-        let transition = arrival.transition?;
-        let carried = family.carried(&in_units(&transition, &sizes));
-        let there = Sample { time: 0.0, point: arrival.point, observed: Vec::new(), rates, transition };
-        Some(states(&carried, directions, &there, &sizes, with_motion).determinant())
+        states_after(shooting, at, step, directions, with_motion, duration).map(|states| states.determinant())
     };
     let (mut low, mut high) = (0.0, after.time - before.time);
     let Some(at_high) = determinant(high) else { return after.time };
