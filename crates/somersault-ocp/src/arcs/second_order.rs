@@ -493,7 +493,10 @@ fn scan(
             if is_clear {
                 last_sign = Some(sign);
             }
-            steps.push(step);
+            // what has not reached all states yet has rounding for its smallest singular value
+            if last_sign.is_some() {
+                steps.push(step);
+            }
             family = next;
         }
     }
@@ -625,7 +628,6 @@ fn from_the_end(
         let sign = matrix.determinant().signum();
         let least = matrix.singular_values().min();
         let is_clear = least > CLEAR;
-        all_least.push(least);
         match last_sign {
             None => {
                 companion = companion.carried(&back);
@@ -643,6 +645,9 @@ fn from_the_end(
         }
         if is_clear {
             last_sign = Some(sign);
+        }
+        if last_sign.is_some() {
+            all_least.push(least);
         }
     }
     if dips(&all_least).next().is_some() {
