@@ -91,6 +91,7 @@ class MultiphaseProblem:
         self,
         guess: MultiphaseResult | Sequence[_Guess] | None = None,
         *,
+        method: Literal["auto", "collocation"] = "auto",
         tol: float = 1e-6,
         n_intervals: int | None = None,
         n_points: int | None = None,
@@ -108,6 +109,8 @@ class MultiphaseProblem:
         guess : MultiphaseResult or sequence, optional
             An earlier result; or for each phase what `ControlProblem.solve` takes, of which only differences
             of times count.
+        method : {'auto', 'collocation'}, optional
+            Both are collocation; splines and arcs are of one phase.
         tol, n_intervals, n_points, max_meshes, max_iterations, max_evaluations, max_time, callback,
             on_interrupt
             As of `ControlProblem.solve`; intervals and points are those of each phase.
@@ -116,6 +119,11 @@ class MultiphaseProblem:
         -------
         MultiphaseResult
             With the best motion found, whatever the status.
+
+        Raises
+        ------
+        somersault.errors.InputError
+            If the method is one of one phase.
 
         Examples
         --------
@@ -142,6 +150,7 @@ class MultiphaseProblem:
             max_time,
             callback,
             on_interrupt,
+            method,
         )
         return cast("MultiphaseResult", found)
 
@@ -149,6 +158,7 @@ class MultiphaseProblem:
         self,
         n_starts: int = 16,
         *,
+        method: Literal["auto", "collocation"] = "auto",
         seed: int = 1,
         tol: float = 1e-6,
         n_intervals: int | None = None,
@@ -163,6 +173,8 @@ class MultiphaseProblem:
 
         Parameters
         ----------
+        method : {'auto', 'collocation'}, optional
+            As of `solve`.
         n_starts, seed, tol, n_intervals, n_points, max_meshes, max_iterations, max_evaluations, max_time,
             on_interrupt
             As of `ControlProblem.search`; intervals and points are those of each phase.
@@ -193,6 +205,7 @@ class MultiphaseProblem:
             max_evaluations,
             max_time,
             on_interrupt,
+            method,
         )
 
     def _starts(self, guess: MultiphaseResult | Sequence[_Guess] | None) -> Any:

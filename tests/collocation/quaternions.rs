@@ -6,12 +6,13 @@ use num_dual::{Dual64, HyperDual64};
 use somersault_core::Scalar;
 use somersault_multibody::{Data, Joint, Link, MassProperties, Model, ModelBuilder};
 use somersault_nlp::Flow;
+use somersault_ocp::arcs::{Polish, Polished, Verdict};
 use somersault_ocp::collocation::{
     Collocation, CollocationError, CollocationReport, CollocationStatus, Dynamics, Ends, Guess, Interval,
     Linkage, Mesh, Phase, Point, Problem, Terms, TreeDynamics, VectorFunction,
 };
 use somersault_testkit::trees::{Random, random_configuration, random_tree};
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 
 /// Least time for the costs, and constraints in which every state occurs.
 #[derive(Clone, Copy)]
@@ -185,16 +186,29 @@ fn derivatives_of_programs_with_quaternions_are_exact() {
 }
 
 fn solved(phases: Vec<Phase>, links: Vec<Linkage>, tolerance: f64) -> CollocationReport {
+    with_problem(phases, links, tolerance).1
+}
+
+fn with_problem(phases: Vec<Phase>, links: Vec<Linkage>, tolerance: f64) -> (Problem, CollocationReport) {
     let meshes = vec![Mesh::try_uniform(20, 3).unwrap(); phases.len()];
     let mut problem = Problem::try_of_phases(phases, links).unwrap();
     let collocation = Collocation { tolerance, ..Collocation::default() };
     let found = collocation.solve(&mut problem, &meshes, &mut |_| Flow::Continue).unwrap();
     assert_eq!(found.status, CollocationStatus::Converged);
-    found
+    (problem, found)
+}
+
+fn polished(phase: Phase, tolerance: f64) -> Polished {
+    let (mut problem, report) = with_problem(vec![phase], Vec::new(), tolerance);
+    Polish::default().polish(&mut problem, &report).unwrap()
 }
 
 /// Bilimoria and Wie's turn by 180° in least time, J. Guid. Control Dyn. 16 (1993), 446: 3.24308327745233 by multi-arc shooting.
 fn fastest(phase: Phase, last: [f64; 4], start: f64, tolerance: f64) -> CollocationReport {
+    solved(vec![fast(phase, last, start)], Vec::new(), tolerance)
+}
+
+fn fast(phase: Phase, last: [f64; 4], start: f64) -> Phase {
     let sine = |a: f64, halves: f64, s: f64| a * (halves * PI * s).sin();
     let rows: Vec<f64> = (0..9).map(|i| f64::from(i) / 8.0).collect();
     let state =
@@ -205,13 +219,12 @@ fn fastest(phase: Phase, last: [f64; 4], start: f64, tolerance: f64) -> Collocat
         controls: vec![vec![0.0; 3]; 9],
         parameters: Vec::new(),
     };
-    let phase = phase
+    phase
         .initial_state([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
         .final_state(last.into_iter().chain([0.0; 3]))
         .horizon(start, Interval::new(start + 1.0, start + 6.0))
         .control_bounds([Interval::new(-1.0, 1.0); 3])
-        .guess(guess);
-    solved(vec![phase], Vec::new(), tolerance)
+        .guess(guess)
 }
 
 /// The same body by hand.
@@ -310,4 +323,94 @@ fn what_is_no_quaternion_is_refused() {
         let phase = Phase::new(Body, Cost::Effort).quaternions(first);
         assert!(matches!(Problem::try_new(phase), Err(CollocationError::Quaternions { .. })));
     }
+}
+
+#[test]
+fn the_fastest_half_turn_is_polished_to_the_last_digits_and_is_a_minimum() {
+    let found = polished(fast(turning(Cost::Time), [0.0, 0.0, 1.0, 0.0], 0.0), 1e-4);
+    assert!(found.verdict == Verdict::StrictMinimum && found.residual < 1e-10, "{}", found.verdict);
+    assert!((found.cost - 3.24308327745233).abs() < 1e-13, "{}", found.cost);
+    assert_eq!(found.arcs.len(), 6);
+    // the norm of a quaternion stays, and its costate is orthogonal to it
+    for t in [0.0, 0.7, 1.9, 3.2] {
+        let at = found.at(t).unwrap();
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).take(4).map(|(a, b)| a * b).sum::<f64>();
+        assert!((dot(&at.state, &at.state) - 1.0).abs() < 1e-12 && dot(&at.state, &at.costate).abs() < 1e-12);
+    }
+}
+
+/// q̇ = ½ q ω with ω for a control, whose least effort is a turn about one axis at one rate.
+struct Spin;
+
+impl Dynamics for Spin {
+    fn n_states(&self) -> usize {
+        4
+    }
+    fn n_controls(&self) -> usize {
+        3
+    }
+    fn rates<T: Scalar>(&self, at: &Point<'_, T>, rates: &mut [T]) {
+        let (q, w) = (at.state, at.control);
+        let half: T = nalgebra::convert(0.5);
+        rates[0] = (q[3] * w[0] + q[1] * w[2] - q[2] * w[1]) * half;
+        rates[1] = (q[3] * w[1] + q[2] * w[0] - q[0] * w[2]) * half;
+        rates[2] = (q[3] * w[2] + q[0] * w[1] - q[1] * w[0]) * half;
+        rates[3] = -(q[0] * w[0] + q[1] * w[1] + q[2] * w[2]) * half;
+    }
+}
+
+#[test]
+fn turns_beyond_a_whole_one_have_a_conjugate_point_after_a_whole_one() {
+    // geodesics of rotations: great circles of the quaternions, which meet again at −q, after a turn by 2π
+    let spun = |turns: f64| {
+        let angle = |s: f64| 0.5 * turns * TAU * s;
+        let rows: Vec<f64> = (0..33).map(|i| f64::from(i) / 32.0).collect();
+        let guess = Guess {
+            times: rows.clone(),
+            states: rows.iter().map(|s| vec![0.0, 0.0, angle(*s).sin(), angle(*s).cos()]).collect(),
+            controls: vec![vec![0.0, 0.0, turns * TAU]; 33],
+            parameters: Vec::new(),
+        };
+        let phase = Phase::new(Spin, Cost::Effort)
+            .quaternions([0])
+            .initial_state([0.0, 0.0, 0.0, 1.0])
+            .final_state([0.0, 0.0, angle(1.0).sin(), angle(1.0).cos()])
+            .guess(guess);
+        let found = polished(phase, 1e-6);
+        assert!((found.cost - 0.5 * (turns * TAU).powi(2)).abs() < 1e-9, "{}", found.cost);
+        found.verdict
+    };
+    assert_eq!(spun(0.9), Verdict::StrictMinimum);
+    let Verdict::ConjugatePoint { time } = spun(1.25) else { panic!("no conjugate point") };
+    assert!((time - 0.8).abs() < 1e-8, "{time}");
+}
+
+#[test]
+fn a_body_that_turns_freely_at_its_end_is_polished() {
+    // what remains free: the orientation at the end, with a cost, and the rates
+    struct Aim;
+    impl Terms for Aim {
+        fn running_cost<T: Scalar>(&self, at: &Point<'_, T>) -> T {
+            Cost::Effort.running_cost(at)
+        }
+        fn end_cost<T: Scalar>(&self, ends: &Ends<'_, T>) -> T {
+            let x = ends.final_state;
+            (x[0] - nalgebra::convert(0.5)).powi(2) + (x[1] - nalgebra::convert(0.1)).powi(2) + x[4] * x[4]
+        }
+    }
+    let mass = MassProperties {
+        mass: 1.0,
+        center: Vector3::zeros(),
+        inertia: Matrix3::from_diagonal(&Vector3::new(1.0, 2.0, 2.5)),
+    };
+    let mut builder = ModelBuilder::new().with_gravity(Vector3::zeros());
+    builder.add(Link::root("hub", Joint::Spherical, mass)).unwrap();
+    let tree = TreeDynamics::try_fully_actuated(&builder.build().unwrap()).unwrap();
+    let phase = || {
+        Phase::of_tree(tree.clone(), Aim).initial_state([0.0, 0.0, 0.0, 1.0, 0.3, 0.0, 0.0]).horizon(0.0, 1.0)
+    };
+    let found = polished(phase(), 1e-6);
+    assert!(found.verdict == Verdict::StrictMinimum && found.residual < 1e-10, "{}", found.verdict);
+    let fine = solved(vec![phase()], Vec::new(), 1e-9);
+    assert!((found.cost - fine.cost).abs() < 1e-9, "{} {}", found.cost, fine.cost);
 }

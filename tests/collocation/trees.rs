@@ -320,18 +320,6 @@ fn a_body_on_a_plane_is_polished() {
 
 #[test]
 fn what_cannot_be_polished_of_a_tree_says_why() {
-    let mut builder = ModelBuilder::new();
-    builder
-        .add(Link::root(
-            "ball",
-            Joint::Spherical,
-            MassProperties { mass: 1.0, center: Vector3::zeros(), inertia: Matrix3::identity() },
-        ))
-        .unwrap();
-    let ball = TreeDynamics::try_fully_actuated(&builder.build().unwrap()).unwrap();
-    let ball = Phase::of_tree(ball, Effort(vec![1.0; 3])).initial_state([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]);
-    let reason = refused(ball);
-    assert!(reason.contains("a quaternion begins at q_ball_x"), "{reason}");
     let slid = |terms: Dearer| {
         let mut builder = ModelBuilder::new().with_gravity(Vector3::zeros());
         let block = MassProperties::point(1.0, Vector3::zeros());

@@ -1,5 +1,6 @@
 """Every solve and search ends by its budget in a status with a reason and the best iterate."""
 
+import time
 from typing import Any
 
 import numpy as np
@@ -209,3 +210,70 @@ class TestMerit:
             for report in reports
         ]
         assert len(reports) >= 4 and merits == sorted(merits) and violations != sorted(violations)
+
+
+def chain(n: int) -> ocp.ControlProblem:
+    """Links of 1 kg and 0.5 m, each hinge to be turned by half a radian in a second."""
+    links = [
+        multibody.Link(
+            f"link{k}",
+            "revolute",
+            parent=f"link{k - 1}" if k else None,
+            axis=(0, 0, 1),
+            origin=(0, -0.5, 0) if k else (0, 0, 0),
+            mass=1.0,
+            center=(0, -0.25, 0),
+            inertia=np.diag([1, 0, 1]) * 0.5**2 / 12,
+        )
+        for k in range(n)
+    ]
+    return ocp.ControlProblem(
+        multibody.Model(links, gravity=(0, 0, 0)),
+        initial=[0] * 2 * n,
+        final=[0.5] * n + [0] * n,
+        running_cost=lambda x, u: 0.5 * u @ u,
+    )
+
+
+def seconds(run: Any) -> tuple[Any, float]:
+    began = time.monotonic()
+    return run(), time.monotonic() - began
+
+
+#: What may pass after a limit of time, on a machine that other processes share.
+SLACK = 1.0
+
+
+class TestLimitsOfTimeThatEndLongWork:
+    """A step of an integration or of a quadratic program is the longest that a limit waits for."""
+
+    def test_polish_of_a_chain(self) -> None:
+        # its equations take seconds
+        problem = chain(4)
+        found = problem.solve(tol=1e-4)
+        exact, took = seconds(lambda: problem.polish(found, max_time=0.2))
+        assert exact.verdict == "refused" and took < 0.2 + SLACK
+        assert "limit of time was reached" in exact.message
+
+    @pytest.mark.parametrize("method", ["auto", "indirect"])
+    def test_a_chain(self, method: Any) -> None:
+        found, took = seconds(lambda: chain(10).solve(method=method, max_time=0.7))
+        assert not found.success and took < 0.7 + SLACK
+        assert "limit of time was reached" in found.message
+
+    def test_a_quadratic_program_of_splines(self) -> None:
+        # rows that say the same leave a step to a quadratic program of thousands of rows
+        problem = ocp.ControlProblem(
+            lambda x, u: [x.v, u.force],
+            states=("x", "v"),
+            controls=("force",),
+            initial=[0, 0],
+            final=[1, 0],
+            bounds={"force": (-5, 5)},
+            path=[(lambda x, u: u.force, -5, 5), (lambda x, u: 2 * u.force, -10, 10)],
+            running_cost=lambda x, u: 0.5 * u.force**2,
+        )
+        found, took = seconds(lambda: problem.solve(method="shooting", max_time=1.5))
+        assert found.status in ("time_limit", "converged") and took < 1.5 + SLACK
+        by_points = problem.solve(method="collocation")
+        assert by_points.success and by_points.cost == pytest.approx(6.0450, rel=1e-4)

@@ -85,8 +85,55 @@ def satellite() -> tuple[ocp.ControlProblem, ocp.CollocationResult]:
 def test_the_fastest_half_turn_is_that_of_bilimoria_and_wie() -> None:
     found = half_turn().solve(tilted(), tol=1e-5)
     assert found.success and abs(found.cost - FASTEST) < 1e-6
+    exact = half_turn().polish(found)
+    assert exact.verdict == "strict_minimum" and exact.residual < 1e-10, exact.message
+    assert abs(exact.cost - FASTEST) < 1e-13 and len(exact.arcs) == 6
+    # that about the axis is an extremal on which two controls are singular
     straight = half_turn().solve()
     assert straight.success and abs(straight.cost - 2 * np.sqrt(np.pi)) < 1e-6
+    refused = half_turn().polish(straight)
+    assert refused.verdict == "refused" and "singular" in refused.message
+
+
+def test_a_hub_with_an_arm_is_polished() -> None:
+    hub = multibody.Link("hub", "spherical", mass=2, inertia=np.diag([1.0, 2.0, 2.5]))
+    arm = multibody.Link(
+        "arm", "revolute", parent="hub", axis=(0, 1, 0), origin=(0.3, 0, 0), mass=0.5, center=(0.2, 0, 0),
+        inertia=np.diag([0, 0.01, 0.01]),
+    )  # fmt: skip
+    problem = ocp.ControlProblem(
+        multibody.Model([hub, arm], gravity=(0, 0, 0)), initial=[0, 0, 0, 1, 0, 0, 0, 0, 0],
+        final=[0.5, 0.5, 0.5, 0.5, 0.3, 0, 0, 0, 0], running_cost=lambda x, u: 0.5 * u @ u,
+    )  # fmt: skip
+    found = problem.solve(tol=1e-8)
+    exact = problem.polish(found)
+    assert exact.verdict == "strict_minimum" and exact.residual < 1e-10, exact.message
+    assert exact.cost == pytest.approx(found.cost, rel=1e-8)
+
+
+@pytest.mark.study
+def test_a_satellite_with_hinges_is_polished() -> None:
+    problem, turned = satellite()
+    exact = problem.polish(turned)
+    # its momentum is not controlled: variations do not reach all states, and conjugate points have no meaning
+    assert exact.verdict == "first_order" and exact.residual < 1e-10, exact.message
+    assert exact.cost == pytest.approx(problem.solve(turned, tol=1e-9).cost, rel=1e-8)
+    # nothing acts on it from outside: its angular momentum stays
+    model = problem.model
+    assert model is not None
+    states = exact.state(np.linspace(0, 1, 5) * exact.horizon[1])
+    n = model.n_positions
+    momenta = np.array([model.centroidal_momentum(x[:n], x[n:]) for x in states])
+    assert np.abs(momenta - momenta[0]).max() < 1e-9
+
+
+def test_a_turn_is_solved_from_nothing_by_the_indirect_method() -> None:
+    problem = ocp.ControlProblem(
+        ball(), initial=[0, 0, 0, 1, 0, 0, 0], final=[0, 0, np.sqrt(0.5), np.sqrt(0.5), 0, 0, 0],
+        running_cost=lambda x, u: 0.5 * u @ u,
+    )  # fmt: skip
+    exact = problem.solve(method="indirect")
+    assert exact.verdict == "strict_minimum" and exact.cost == pytest.approx(1.5 * np.pi**2, rel=1e-12)
 
 
 def test_both_signs_and_all_times_give_the_same_cost() -> None:
@@ -219,7 +266,3 @@ def test_what_is_wrong_is_said() -> None:
         InputError, match=r"`final` must have a quaternion of norm 1, to a thousandth, at entry 0 \(q_hub_x\)"
     ):
         half_turn((0, 0, 0.9, 0))
-    with pytest.raises(
-        InputError, match="no ball or free joint for `polish`, found the quaternion that begins at `q_hub_x`"
-    ):
-        half_turn().polish(half_turn().solve(tol=1e-3))

@@ -238,12 +238,14 @@ def test_free_durations_and_parameters_are_variables_of_splines() -> None:
 def test_what_a_way_cannot_take_is_named() -> None:
     with pytest.raises(InputError, match="`method` must be 'auto', 'shooting'"):
         chain(1, 0.0).solve(method="splines")  # type: ignore[call-overload]
-    hub = multibody.Link("hub", "spherical", mass=1, inertia=np.eye(3))
-    turned = ocp.ControlProblem(
-        multibody.Model([hub]), initial=[0, 0, 0, 1, 0, 0, 0], running_cost=lambda x, u: u @ u
-    )
-    with pytest.raises(InputError, match="no ball or free joint for `method='indirect'`"):
-        turned.solve(method="indirect")
+    several = ocp.MultiphaseProblem([chain(1, 0.0)])
+    with pytest.raises(
+        InputError, match="'auto' or 'collocation' for a problem of several phases, found 'sh"
+    ):
+        several.solve(method="shooting")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="for a problem of several phases, found 'indirect'"):
+        several.search(2, method="indirect")  # type: ignore[arg-type]
+    assert several.solve(method="collocation").success
     drag = ocp.ExternalFunction(lambda v: v**2, name="drag")
     dragged = ocp.ControlProblem(rods(1), initial=[0, 0], running_cost=lambda x, u: u[0] ** 2 + drag(x[1]))
     with pytest.raises(InputError, match="must be traced for `polish`, found the ExternalFunction `drag`"):
@@ -253,6 +255,12 @@ def test_what_a_way_cannot_take_is_named() -> None:
     )
     with pytest.raises(InputError, match="durations from above zero to a finite number"):
         endless.solve(method="shooting")
+    with pytest.raises(InputError, match="durations from above zero to a finite number"):
+        endless.search(2, method="shooting")
+    with pytest.raises(InputError, match=r"`problems\[1\]`.*durations from above zero to a finite number"):
+        ocp.solve_batch([chain(1, 0.0), endless], method="shooting")
+    with pytest.raises(InputError, match=r"`problems\[0\]`.*found the ExternalFunction `drag`"):
+        ocp.solve_batch([dragged], method="indirect")
     with pytest.raises(InputError, match="problems with controls, found none"):
         ocp.ControlProblem(lambda x: [-x[0]], 1, 0, initial=[1], duration=(1, 2)).solve(method="shooting")
 
@@ -265,3 +273,45 @@ def test_budgets_end_splines_too(method: str) -> None:
     assert stopped.status == "stopped" and not stopped.success
     late = chain(3, 0.0).solve(method=method, max_time=1e-9)  # type: ignore[call-overload]
     assert late.status == "time_limit"
+
+
+def test_searches_and_batches_take_each_method() -> None:
+    problem = ocp.ControlProblem(
+        lambda x, u: [x.w, u.torque - 0.5 * np.sin(x.q)], states=("q", "w"), controls=("torque",),
+        initial=[0, 0], final=[1, 0], duration=2, running_cost=lambda x, u: 0.5 * u.torque**2,
+    )  # fmt: skip
+    found = {way: problem.search(2, method=way, tol=1e-4) for way in ("shooting", "collocation", "indirect")}
+    for way, each in found.items():
+        assert each.status == "converged" and each.best.success, (way, each.failures)
+        assert each.best.cost == pytest.approx(found["indirect"].best.cost, rel=1e-3)
+    assert found["indirect"].best.verdict == "strict_minimum" and found["indirect"].best.residual < 1e-10
+    # one by one and together the same
+    both = [problem, problem.replace(duration=3)]
+    for splines, alone in zip(ocp.solve_batch(both, method="shooting", tol=1e-4), both, strict=True):
+        assert splines is not None and splines.cost == alone.solve(method="shooting", tol=1e-4).cost
+    for exact, alone in zip(ocp.solve_batch(both, method="indirect"), both, strict=True):
+        assert exact is not None and exact.verdict == "strict_minimum"
+        assert exact.cost == alone.solve(method="indirect").cost
+
+
+def test_arcs_that_no_solution_has_are_sought_in_one_of_collocation() -> None:
+    def pushed(**options: Any) -> ocp.ControlProblem:
+        return ocp.ControlProblem(
+            lambda x, u: [x.v, u.force], ("x", "v"), ("force",), initial=[0, 0], final=[1, 0],
+            running_cost=lambda x, u: 0.5 * u.force**2, **options,
+        )  # fmt: skip
+
+    # a path constraint that names a control, and a singular arc of order 2 whose ends chatter
+    mixed = pushed(path=[(lambda x, u: u.force + x.x, None, 5.5)])
+    found = mixed.solve(method="indirect")
+    assert found.verdict == "refused" and "names a control" in found.message
+    alone = mixed.solve()
+    assert found.found.success and found.found.cost == alone.cost
+    assert len(found.found.meshes) == len(alone.meshes)
+    fuller = ocp.ControlProblem(
+        lambda x, u: [x.v, u.force], ("x", "v"), ("force",), initial=[1, 0], final=[0, 0], duration=5,
+        bounds={"force": (-1, 1)}, running_cost=lambda x: 0.5 * x.x**2,
+    )  # fmt: skip
+    found = fuller.solve(method="indirect")
+    assert found.verdict == "refused" and "order 2 or more" in found.message
+    assert len(found.found.meshes) == len(fuller.solve(tol=1e-4).meshes)

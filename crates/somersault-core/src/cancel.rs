@@ -45,6 +45,11 @@ impl CancellationToken {
         self.cancelled.load(Ordering::Relaxed) || self.has_expired()
     }
 
+    /// When it is cancelled by itself, if ever.
+    pub fn deadline(&self) -> Option<Instant> {
+        self.deadline
+    }
+
     /// Whether work has been asked to end because the deadline was reached.
     pub fn has_expired(&self) -> bool {
         self.expired.load(Ordering::Relaxed)

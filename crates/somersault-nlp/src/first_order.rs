@@ -109,7 +109,7 @@ impl Run<'_> {
         if let Err(error) = evaluated.and_then(|()| self.program.differentiate(&mut self.point)) {
             return Outcome::at_start(error);
         }
-        self.program.deadline = self.limits.max_time.and_then(|limit| self.began.checked_add(limit));
+        self.program.limit_time(self.began, self.limits.max_time);
         let gradient_scale = max_norm(&self.point.gradient);
         let mut step_length = 1.0;
         loop {

@@ -239,7 +239,7 @@ impl<'a> Run<'a> {
         if let Err(error) = evaluated.and_then(|()| self.program.differentiate(&mut self.point)) {
             return Outcome::at_start(error);
         }
-        self.program.deadline = self.options.max_time.and_then(|limit| began.checked_add(limit));
+        self.program.limit_time(began, self.options.max_time);
         self.set_out(start, is_warm);
         let mut step_length = 1.0;
         let mut idle = 0;

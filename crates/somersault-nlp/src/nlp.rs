@@ -1,6 +1,7 @@
 //! A nonlinear program: bounds, sparsity, values and derivatives.
 
 use std::error::Error;
+use std::time::Instant;
 
 /// Lower and upper bounds, one pair for each entry.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -269,4 +270,10 @@ pub trait Nlp {
         multipliers: &[f64],
         hessian: &mut [f64],
     ) -> Result<(), EvaluationError>;
+
+    /// When a solver is to end at the latest, whatever limit of time it has itself: that of a longer search, of which this program is a
+    /// part.
+    fn deadline(&self) -> Option<Instant> {
+        None
+    }
 }

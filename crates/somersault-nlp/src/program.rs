@@ -3,7 +3,7 @@
 use crate::error::SolverError;
 use crate::nlp::{Bounds, EvaluationError, Nlp, Pattern, Structure};
 use crate::report::{Counts, KktResiduals, Start, Status};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// A validated program that counts its evaluations and refuses values that are not finite.
 pub(crate) struct Program<'a> {
@@ -58,6 +58,11 @@ pub(crate) struct Point {
     pub(crate) jacobian: Vec<f64>,
 }
 
+/// Whether there is a deadline, and it is over.
+pub(crate) fn is_past(deadline: Option<Instant>) -> bool {
+    deadline.is_some_and(|deadline| Instant::now() >= deadline)
+}
+
 impl<'a> Program<'a> {
     /// Fails if bounds or patterns are contradictory.
     pub(crate) fn new(nlp: &'a mut dyn Nlp) -> Result<Self, SolverError> {
@@ -108,11 +113,18 @@ impl<'a> Program<'a> {
         }
     }
 
+    /// Limits the time of a solver that began then, by its own limit and by that of the program.
+    pub(crate) fn limit_time(&mut self, began: Instant, limit: Option<Duration>) {
+        let own = limit.and_then(|limit| began.checked_add(limit));
+        self.deadline = own.into_iter().chain(self.nlp.deadline()).min();
+    }
+
+    pub(crate) fn is_late(&self) -> bool {
+        is_past(self.deadline)
+    }
+
     fn expect_in_time(&self) -> Result<(), EvaluationError> {
-        match self.deadline {
-            Some(deadline) if Instant::now() >= deadline => Err(Exhausted::Time.into()),
-            Some(_) | None => Ok(()),
-        }
+        if self.is_late() { Err(Exhausted::Time.into()) } else { Ok(()) }
     }
 
     /// Cost and constraints at `point.z`.

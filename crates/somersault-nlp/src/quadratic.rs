@@ -11,6 +11,7 @@ use crate::kkt::Activity;
 use crate::nlp::{Bounds, Pattern};
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
+use std::time::Instant;
 
 /// One row of clarabel's A p + s = b: a bound of row `row`, of variables first.
 struct Row {
@@ -31,6 +32,8 @@ pub(crate) struct Quadratic<'a> {
     pub(crate) jacobian: &'a [f64],
     pub(crate) lower: &'a [f64],
     pub(crate) upper: &'a [f64],
+    /// When it is given up.
+    pub(crate) deadline: Option<Instant>,
 }
 
 /// How a quadratic program ended.
@@ -152,11 +155,11 @@ impl QuadraticSolver {
         // Clarabel's tolerances are absolute: the largest weight is one.
         let scale = 1.0 / weight.max(1.0);
         self.fill(data, weight, scale);
-        let mut outcome = self.run(true);
+        let mut outcome = self.run(true, data.deadline);
         if outcome == Outcome::Failed {
             // The scaling of the first data may have become useless.
             self.solver = None;
-            outcome = self.run(false);
+            outcome = self.run(false, data.deadline);
         }
         let Some(solver) = &self.solver else { return Outcome::Failed };
         if outcome != Outcome::Solved {
@@ -203,10 +206,19 @@ impl QuadraticSolver {
         }
     }
 
-    fn run(&mut self, reuse: bool) -> Outcome {
+    fn run(&mut self, reuse: bool, deadline: Option<Instant>) -> Outcome {
+        let left = deadline.map(|deadline| deadline.saturating_duration_since(Instant::now()));
+        let time_limit = left.map_or(f64::INFINITY, |left| left.as_secs_f64());
+        if time_limit == 0.0 {
+            return Outcome::Failed;
+        }
         let updated = reuse
             && self.solver.as_mut().is_some_and(|solver| {
-                solver.update_data(&self.p_matrix.nzval, &self.q, &self.a_matrix.nzval, &self.b).is_ok()
+                let settings = DefaultSettings { time_limit, ..solver.settings().clone() };
+                solver.update_settings(settings).is_ok()
+                    && solver
+                        .update_data(&self.p_matrix.nzval, &self.q, &self.a_matrix.nzval, &self.b)
+                        .is_ok()
             });
         if !updated {
             let n_inequalities = self.b.len() - self.n_equalities;
@@ -222,6 +234,7 @@ impl QuadraticSolver {
                 tol_gap_rel: 1e-12,
                 tol_feas: 1e-12,
                 max_threads: 1,
+                time_limit,
                 ..DefaultSettings::default()
             };
             self.solver =

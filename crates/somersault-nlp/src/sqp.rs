@@ -58,7 +58,7 @@ pub struct Sqp {
     pub max_iterations: usize,
     /// Limit of evaluations of cost and constraints.
     pub max_evaluations: Option<usize>,
-    /// Limit of time, looked at after each step and before each evaluation, the first excepted.
+    /// Limit of time, looked at after each step and before each evaluation, the first excepted, and in steps at each factorisation.
     pub max_time: Option<Duration>,
     /// A feasible point whose cost is below this proves the program unbounded.
     pub cost_floor: f64,
@@ -191,7 +191,8 @@ impl<'a> Run<'a> {
         if let Err(error) = evaluated.and_then(|()| self.program.differentiate(&mut self.point)) {
             return Outcome::at_start(error);
         }
-        self.program.deadline = self.options.max_time.and_then(|limit| began.checked_add(limit));
+        self.program.limit_time(began, self.options.max_time);
+        self.subproblem.deadline = self.program.deadline;
         self.gradient_scale = max_norm(&self.point.gradient);
         let violation = self.program.violation(&self.point.constraints);
         let cost_scale = self.gradient_scale.max(100.0) / 100.0;
@@ -220,7 +221,7 @@ impl<'a> Run<'a> {
                 least_residual = self.residuals.max();
                 idle = 0;
             }
-            let advance = match (self.status(flow, began, idle), self.restoration) {
+            let advance = match (self.status(flow, idle), self.restoration) {
                 (Some(status), _) => Ok(Advance::Ended(status)),
                 (None, Some(restoration)) => self.restore(restoration),
                 (None, None) => self.refresh().and_then(|()| self.advance()),
@@ -265,7 +266,7 @@ impl<'a> Run<'a> {
         self.residuals.feasibility <= self.options.feasibility_tol
     }
 
-    fn status(&self, flow: Flow, began: Instant, idle: usize) -> Option<Status> {
+    fn status(&self, flow: Flow, idle: usize) -> Option<Status> {
         let (options, residuals) = (self.options, &self.residuals);
         if self.is_feasible()
             && residuals.stationarity <= options.stationarity_tol
@@ -280,7 +281,7 @@ impl<'a> Run<'a> {
             Some(Status::Stalled)
         } else if self.iterations >= options.max_iterations {
             Some(Status::IterationLimit)
-        } else if options.max_time.is_some_and(|limit| began.elapsed() >= limit) {
+        } else if self.program.is_late() {
             Some(Status::TimeLimit)
         } else {
             None
@@ -298,6 +299,9 @@ impl<'a> Run<'a> {
         }
         for attempt in 0..REPAIRS {
             let origin = self.subproblem.solve(&self.point, &self.hessian, self.floor, violation);
+            if self.program.is_late() {
+                return Ok(Advance::Ended(Status::TimeLimit));
+            }
             let filtered = self.options.globalisation == Globalisation::Filter;
             if origin == Some(Origin::Elastic)
                 && !self.is_feasible()

@@ -17,8 +17,9 @@ use crate::error::SolverError;
 use crate::hessian::Hessian;
 use crate::kkt::{Activity, Kkt};
 use crate::nlp::{Pattern, Structure};
-use crate::program::{Point, Program, max_norm};
+use crate::program::{Point, Program, is_past, max_norm};
 use crate::quadratic::{Outcome, Quadratic, QuadraticSolver};
+use std::time::Instant;
 
 /// Exchanges of working sets before the interior-point method is asked.
 const EXCHANGES: usize = 6;
@@ -58,6 +59,8 @@ pub(crate) struct Subproblem {
     trial_set: Vec<Activity>,
     empty_set: Vec<Activity>,
     no_hessian: Vec<f64>,
+    /// When no step is computed any more.
+    pub(crate) deadline: Option<Instant>,
     /// What clarabel found, while a better step is tried.
     convex_p: Vec<f64>,
     convex_y: Vec<f64>,
@@ -100,6 +103,7 @@ impl Subproblem {
             trial_set: vec![Activity::Free; n + m],
             empty_set: vec![Activity::Free; n + m],
             no_hessian: vec![0.0; hessian.pattern.n_entries()],
+            deadline: None,
             convex_p: vec![0.0; n],
             convex_y: vec![0.0; n + m],
             feasible_p: vec![0.0; n],
@@ -236,6 +240,9 @@ impl Subproblem {
         let mut factor = if self.last_shift == 0.0 { 100.0 } else { 8.0 };
         let floor = *shift;
         while !self.kkt.factor(&hessian.values, *shift, &point.jacobian, set) {
+            if is_past(self.deadline) {
+                return false;
+            }
             *shift = if *shift == floor && floor < self.last_shift.max(1e-4 * size) {
                 if self.last_shift == 0.0 {
                     1e-4 * size
@@ -324,6 +331,7 @@ impl Subproblem {
             jacobian: &point.jacobian,
             lower: &self.lower,
             upper: &self.upper,
+            deadline: self.deadline,
         };
         self.n_quadratic_programs += 1;
         solver.solve(&data, 0.0, &mut self.p, &mut self.y, &mut self.active) == Outcome::Solved
@@ -421,6 +429,7 @@ impl Subproblem {
                 jacobian: &point.jacobian,
                 lower: &self.lower,
                 upper: &self.upper,
+                deadline: self.deadline,
             };
             self.n_quadratic_programs += 1;
             if solver.solve(&data, self.weight, &mut self.p, &mut self.y, &mut self.active) != Outcome::Solved

@@ -665,6 +665,7 @@ class TracedProblem:
         max_evaluations: int | None,
         max_time: float | None,
         on_interrupt: Literal["raise", "return"],
+        method: Literal["auto", "shooting", "collocation", "indirect"],
     ) -> SearchResult: ...
     @staticmethod
     def solve_all(
@@ -678,7 +679,8 @@ class TracedProblem:
         max_evaluations: int | None,
         max_time: float | None,
         on_interrupt: Literal["raise", "return"],
-    ) -> list[CollocationOutcome | None]: ...
+        method: Literal["auto", "shooting", "collocation", "indirect"],
+    ) -> list[CollocationOutcome | PolishResult | None]: ...
     def sensitivity(self, solution: CollocationResult) -> SolutionSensitivity: ...
     def polish(
         self, found: CollocationResult, max_evaluations: int | None, max_time: float | None

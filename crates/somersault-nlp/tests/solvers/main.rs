@@ -2,6 +2,7 @@
 
 mod behaviour;
 mod cart_pendulum;
+mod dependent;
 #[path = "../../src/filter.rs"]
 #[expect(dead_code, reason = "a file of the library with tests of what is no public name")]
 mod filter;

@@ -4,6 +4,7 @@ use super::hamiltonian::{ArcFunctions, Hamiltonian};
 use super::kind::{ArcKind, ControlKind};
 use crate::collocation::Vector;
 use nalgebra::DMatrix;
+use somersault_core::cancel::CancellationToken;
 use somersault_expr::{Derivative, Evaluator, ExprError, ExprFunction};
 use somersault_integrators::driver::{Adaptive, Steps};
 use somersault_integrators::methods::{Dop853, RungeKuttaMuntheKaas};
@@ -241,6 +242,7 @@ struct Segment<'a> {
     flow: RefCell<&'a mut ArcFlow>,
     sizes: &'a [f64],
     has_matrix: bool,
+    token: &'a CancellationToken,
 }
 
 impl System for Segment<'_> {
@@ -250,6 +252,10 @@ impl System for Segment<'_> {
     fn workspace(&self) {}
 
     fn velocity(&self, (): &mut (), _: f64, x: &State<Vector>, out: &mut Vector) {
+        if self.token.is_cancelled() {
+            out.0.fill(f64::NAN);
+            return;
+        }
         let flow = &mut **self.flow.borrow_mut();
         let n = self.sizes.len();
         let scaled = &x.configuration.0;
@@ -283,13 +289,14 @@ impl System for Segment<'_> {
     }
 }
 
-/// Follows an arc for a duration; nothing where that is not possible.
+/// Follows an arc for a duration; nothing where that is not possible, or it is cancelled.
 pub(super) fn follow(
     flow: &mut ArcFlow,
     sizes: &[f64],
     point: &[f64],
     duration: f64,
     has_matrix: bool,
+    token: &CancellationToken,
 ) -> Option<Arrival> {
     let n = sizes.len();
     let mut start: Vec<f64> = point.iter().zip(sizes).map(|(x, size)| x / size).collect();
@@ -304,7 +311,7 @@ pub(super) fn follow(
             max_steps: MOST_STEPS,
             ..Adaptive::with_tolerances(TOLERANCE, TOLERANCE)
         };
-        let segment = Segment { flow: RefCell::new(flow), sizes, has_matrix };
+        let segment = Segment { flow: RefCell::new(flow), sizes, has_matrix, token };
         let stepper = RungeKuttaMuntheKaas::<Dop853>::default();
         let steps = Steps::adapted((0.0, duration), control);
         Run::by_embedded_stepper(&segment, &stepper, steps).from(&initial).ok()?.state.configuration.0

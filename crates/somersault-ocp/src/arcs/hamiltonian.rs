@@ -62,6 +62,8 @@ pub(super) struct Hamiltonian {
     slopes: Vec<Expression>,
     slope_rates: Vec<Expression>,
     second_rates: Vec<Expression>,
+    /// The states that quaternions begin at.
+    pub(super) quaternions: Vec<usize>,
     /// Which controls H is affine in.
     pub(super) is_affine: Vec<bool>,
     pub(super) control_bounds: Vec<Interval>,
@@ -116,6 +118,24 @@ impl Observables {
     }
 }
 
+/// A path constraint with a bound that names a control, in a sentence: no arcs are made of it.
+pub(super) fn mixed_constraint(phase: &Phase, path: &ExprFunction) -> Result<Option<String>, ExprError> {
+    let (n, m) = (phase.n_states(), phase.n_controls());
+    let is_bounded = |row: usize| {
+        let bound = row.checked_sub(1).map(|k| &phase.bounds.path[k]);
+        bound.is_some_and(|bound| bound.lower.is_finite() || bound.upper.is_finite())
+    };
+    let found = path
+        .jacobian()?
+        .sparsity()
+        .entries()
+        .find(|(row, column)| is_bounded(*row) && (n..n + m).contains(column));
+    Ok(found.map(|(row, _)| {
+        let name = phase.name_of_row(n + m + row - 1);
+        format!("{name} names a control; bounds that do are not made arcs of yet")
+    }))
+}
+
 /// Whether a function names an input.
 fn names(function: &ExprFunction, input: usize) -> Result<bool, ExprError> {
     let columns = &function.jacobian()?.sparsity().columns;
@@ -130,7 +150,7 @@ impl Hamiltonian {
         samples: &[[Vec<f64>; 3]],
         parameters: &[f64],
         start: f64,
-    ) -> Result<Result<Self, String>, CollocationError> {
+    ) -> Result<Self, CollocationError> {
         let (n_original, m, n_parameters) = (phase.n_states(), phase.n_controls(), phase.n_parameters());
         let at_time = n_original + m + n_parameters;
         let has_time = names(dynamics, at_time)? || names(path, at_time)?;
@@ -174,6 +194,7 @@ impl Hamiltonian {
             slopes,
             slope_rates,
             second_rates,
+            quaternions: phase.quaternion_places().to_vec(),
             is_affine: Vec::new(),
             control_bounds: phase.bounds.control.clone(),
             bounds: Vec::new(),
@@ -200,13 +221,11 @@ impl Hamiltonian {
                     graph.subtract(limit, expression)
                 };
                 let name = phase.name_of_row(number);
-                match hamiltonian.bound(excess, row, is_upper, name, &places)? {
-                    Ok(bound) => hamiltonian.bounds.push(bound),
-                    Err(reason) => return Ok(Err(reason)),
-                }
+                let bound = hamiltonian.bound(excess, row, is_upper, name, &places)?;
+                hamiltonian.bounds.push(bound);
             }
         }
-        Ok(Ok(hamiltonian))
+        Ok(hamiltonian)
     }
 
     /// All inputs at and near places of a motion.
@@ -283,7 +302,7 @@ impl Hamiltonian {
         Ok(())
     }
 
-    /// Differentiates c until a control appears; a sentence where that is too late or at once.
+    /// Differentiates c, which names no control, until one appears.
     fn bound(
         &mut self,
         excess: Expression,
@@ -291,7 +310,7 @@ impl Hamiltonian {
         is_upper: bool,
         name: String,
         places: &[Vec<f64>],
-    ) -> Result<Result<StateBound, String>, CollocationError> {
+    ) -> Result<StateBound, CollocationError> {
         let (states, controls, rates) =
             (self.inputs[..self.n].to_vec(), self.controls().to_vec(), self.rates.clone());
         let mut derivatives = vec![excess];
@@ -301,16 +320,9 @@ impl Hamiltonian {
             let sizes = self.sizes(by, places)?;
             let size = self.sizes(vec![last], places)?[0].max(f64::MIN_POSITIVE);
             let named: Vec<usize> = (0..self.m).filter(|&i| sizes[i] > ZERO * size).collect();
-            if !named.is_empty() {
-                return Ok(if derivatives.len() == 1 {
-                    Err(format!("{name} names a control; bounds that do are not made arcs of yet"))
-                } else {
-                    Ok(StateBound { name, row, is_upper, derivatives, controls: named })
-                });
-            }
-            if derivatives.len() > MOST_ORDER {
-                // it counts where it acts only
-                return Ok(Ok(StateBound { name, row, is_upper, derivatives, controls: named }));
+            // one of too high an order counts where it acts only
+            if !named.is_empty() || derivatives.len() > MOST_ORDER {
+                return Ok(StateBound { name, row, is_upper, derivatives, controls: named });
             }
             let next = self.graph.tangent(&[last], &states, &rates)?[0];
             derivatives.push(next);

@@ -24,6 +24,9 @@
 //! [expressions](crate::collocation::VectorFunction::expressions) where they were traced, are written over a generic scalar, or are
 //! the equations of a tree: those are recorded once, as forward dynamics computes them.
 //!
+//! An orientation is a unit quaternion q with a costate λ that is orthogonal to it: ½ Im(q̄ λ) is the covector of rotations about body
+//! axes. The flow keeps the norm of the one and λᵀq of the other, so that neither needs an equation; variations are rotations.
+//!
 //! What is refused, with a reason and the collocation solution as the best motion: several phases; singular arcs of order 2 and more,
 //! whose junctions chatter; bounds of the state of order 3 and more, path constraints that name a control; a bound of the state that
 //! holds from the start on; several controls that change at the same time. A structure that is wrong gives no solution, or one that
@@ -46,5 +49,6 @@ mod structure;
 mod verdict;
 
 pub use kind::{ArcKind, ControlKind};
+pub(crate) use polish::is_hopeless;
 pub use polish::{Arc, Instant, Polish, Polished};
 pub use verdict::Verdict;

@@ -3,13 +3,14 @@
 use super::certificate;
 use super::ends::{EndTerms, Ends};
 use super::flow::{ArcFlow, follow};
-use super::hamiltonian::{Hamiltonian, Observables};
+use super::hamiltonian::{Hamiltonian, Observables, mixed_constraint};
 use super::kind::ArcKind;
 use super::shooting::{Budget, End, Iterate, Plan, Shooting};
-use super::structure::{Impulses, Structure};
+use super::structure::{Impulses, Obstacle, Structure};
 use super::verdict::Verdict;
 use crate::collocation::{
-    CollocationError, CollocationReport, CollocationStatus, PhaseSolution, Problem, Transcription,
+    CollocationError, CollocationReport, CollocationStatus, Guess, Phase, PhaseSolution, Problem,
+    Transcription, WIDTH,
 };
 use somersault_core::cancel::CancellationToken;
 use somersault_expr::ExprFunction;
@@ -77,6 +78,8 @@ pub struct Polished {
     pub steps: usize,
     /// Arcs that vanished and were given up.
     pub given_up: usize,
+    /// Whether it is refused for a reason that lies in the problem, so that no finer solution helps.
+    pub(crate) is_lasting: bool,
     motion: Option<Motion>,
 }
 
@@ -104,8 +107,14 @@ impl Polished {
             residual: f64::INFINITY,
             steps: 0,
             given_up: 0,
+            is_lasting: false,
             motion: None,
         }
+    }
+
+    /// The same for a reason that may lie in the problem.
+    fn hindered(report: &CollocationReport, Obstacle { reason, is_lasting }: Obstacle) -> Self {
+        Self { is_lasting, ..Self::refused(report, reason) }
     }
 
     /// State, costate and control at a time, integrated from the node before it; at a junction those after it. Nothing where no
@@ -126,7 +135,8 @@ impl Polished {
         let mut flow = flows[arc].clone();
         flow.set_guess(&iterate.guesses[arc][segment]);
         let duration = (left - length * segment as f64).max(0.0);
-        let point = follow(&mut flow, sizes, &iterate.nodes[arc][segment], duration, false)?.point;
+        let token = CancellationToken::new();
+        let point = follow(&mut flow, sizes, &iterate.nodes[arc][segment], duration, false, &token)?.point;
         let observed = flow.observed(&point)?;
         Some(Instant {
             hamiltonian: observed[Observables::HAMILTONIAN],
@@ -150,7 +160,8 @@ impl Polish {
         self.polish_cancellable(problem, report, &CancellationToken::new())
     }
 
-    /// The same until it is cancelled, which is looked for at each evaluation of the equations.
+    /// The same until it is cancelled, which is looked for at each evaluation of the equations of motion. Before the first of them their
+    /// expressions are made and differentiated, which is not interrupted.
     pub fn polish_cancellable(
         &self,
         problem: &mut Problem,
@@ -160,6 +171,9 @@ impl Polish {
         let ([phase], [solution]) = (&problem.phases[..], &report.phases[..]) else {
             return Ok(Polished::refused(report, "arcs are found in problems of one phase"));
         };
+        if token.is_cancelled() {
+            return Ok(Polished::refused(report, why_cancelled(token)));
+        }
         if let CollocationStatus::NotSolved(status) = report.status
             && report.program.residuals.feasibility.is_nan()
                 | (report.program.residuals.feasibility > NO_MOTION)
@@ -175,29 +189,17 @@ impl Polish {
                 "arcs are found by costates, and splines have none: solve by collocation",
             ));
         }
-        if let Some(first) = phase.quaternion_names().next() {
-            let reason = format!(
-                "arcs are found of states that are numbers, and a quaternion begins at {first}: no motion depends on the part of \
-                 its costate along it, which would count as a conjugate point at all times"
-            );
-            return Ok(Polished::refused(report, reason));
-        }
         let points = solution.places().len();
         let (point, both) = (point_arguments(solution, points / 2), end_arguments(solution));
-        let functions = match phase.expressions(&point, &both) {
+        let functions = match expressions(phase, &point, &both)? {
             Ok(functions) => functions,
             Err(reason) => {
-                let reason = format!("arcs need expressions of all functions: {reason}");
-                return Ok(Polished::refused(report, reason));
+                return Ok(Polished::hindered(report, Obstacle { reason, is_lasting: true }));
             }
         };
         let samples: Vec<_> = (0..8).map(|k| solution.at_fraction((f64::from(k) + 0.5) / 8.0)).collect();
-        let made =
+        let mut hamiltonian =
             Hamiltonian::try_new(phase, &functions, &samples, &solution.parameters, solution.horizon().0)?;
-        let mut hamiltonian = match made {
-            Ok(hamiltonian) => hamiltonian,
-            Err(reason) => return Ok(Polished::refused(report, reason)),
-        };
         let path_values = path_values(&functions[1], solution)?;
         let end_values = end_values(&functions[2], solution)?;
         let parts = [&solution.states[0][..], &solution.states[points][..], &solution.parameters[..]];
@@ -215,22 +217,33 @@ impl Polish {
         let impulses = Impulses { states, path, path_values };
         let structure = match Structure::try_new(&hamiltonian, solution, &impulses) {
             Ok(structure) => structure,
-            Err(reason) => return Ok(Polished::refused(report, reason)),
+            Err(obstacle) => return Ok(Polished::hindered(report, obstacle)),
         };
         let mut sketch = structure.sketch(&hamiltonian);
         let mut budget = Budget { token, evaluations: self.max_evaluations };
         for given_up in 0..=MOST_RETRIES {
             let mut found = match structure.found(&mut hamiltonian, &sketch) {
                 Ok(found) => found,
-                Err(reason) => return Ok(Polished { given_up, ..Polished::refused(report, reason) }),
+                Err(obstacle) => return Ok(Polished { given_up, ..Polished::hindered(report, obstacle) }),
             };
             found.iterate.multipliers.clone_from(&multipliers);
-            let sizes = sizes(&found.iterate);
-            let mut shooting = Shooting::try_new(&mut hamiltonian, &found.plan, &ends, &mut terms, &sizes)?;
+            let sizes = sizes(&found.iterate, &hamiltonian.quaternions);
+            let made = Shooting::try_new(&mut hamiltonian, &found.plan, &ends, &mut terms, &sizes, token)?;
+            let Some(mut shooting) = made else {
+                return Ok(Polished::refused(report, why_cancelled(token)));
+            };
             let solved = shooting.solve(found.iterate, &mut budget);
             let verdict = match &solved.end {
                 End::Converged => {
-                    certificate::verdict(&mut shooting, &solved.iterate, solved.residual, &problem.phases[0])
+                    let phase = &problem.phases[0];
+                    let verdict =
+                        certificate::verdict(&mut shooting, &solved.iterate, solved.residual, phase);
+                    // what could not be followed then says nothing about the motion
+                    if token.is_cancelled() {
+                        Verdict::Refused { reason: why_cancelled(token).to_owned() }
+                    } else {
+                        verdict
+                    }
                 }
                 End::Vanished(arc) => {
                     let durations = &solved.iterate.durations;
@@ -243,7 +256,7 @@ impl Polish {
                 End::Failed(reason) => Verdict::Refused {
                     reason: format!("{} were found, but {reason}", described(&found.plan)),
                 },
-                End::Cancelled => Verdict::Refused { reason: "it was cancelled".to_owned() },
+                End::Cancelled => Verdict::Refused { reason: why_cancelled(token).to_owned() },
                 End::Spent => Verdict::Refused { reason: "the limit of evaluations was reached".to_owned() },
             };
             let cost = shooting.cost(&solved.iterate).unwrap_or(report.cost);
@@ -257,6 +270,7 @@ impl Polish {
                 residual: solved.residual,
                 steps: solved.steps,
                 given_up,
+                is_lasting: false,
                 motion: Some(Motion {
                     iterate: solved.iterate,
                     flows,
@@ -271,6 +285,36 @@ impl Polish {
         let reason = format!("{MOST_RETRIES} arcs vanished one after the other");
         Ok(Polished { given_up: MOST_RETRIES, ..Polished::refused(report, reason) })
     }
+}
+
+fn why_cancelled(token: &CancellationToken) -> &'static str {
+    if token.has_expired() { "the limit of time was reached" } else { "it was cancelled" }
+}
+
+/// The functions of a phase as expressions that hold near a point and near ends; a sentence where no arcs can be made of them.
+fn expressions(
+    phase: &Phase,
+    point: &[f64],
+    both: &[f64],
+) -> Result<Result<[ExprFunction; 3], String>, CollocationError> {
+    let functions = match phase.expressions(point, both) {
+        Ok(functions) => functions,
+        Err(reason) => return Ok(Err(format!("arcs need expressions of all functions: {reason}"))),
+    };
+    Ok(match mixed_constraint(phase, &functions[1])? {
+        Some(reason) => Err(reason),
+        None => Ok(functions),
+    })
+}
+
+/// Whether no solution of a problem can be polished, which is known before there is one.
+pub(crate) fn is_hopeless(problem: &Problem) -> Result<bool, CollocationError> {
+    let [phase] = &problem.phases[..] else { return Ok(true) };
+    let Some(Guess { times, states, controls, parameters }) = phase.start() else { return Ok(false) };
+    let (middle, last) = (times.len() / 2, times.len() - 1);
+    let point = [&states[middle][..], &controls[middle], parameters, &times[middle..=middle]].concat();
+    let both = [&states[0][..], &states[last], parameters, &[times[0], times[last]]].concat();
+    Ok(expressions(phase, &point, &both)?.is_err())
 }
 
 /// What the arcs of a plan are, for messages.
@@ -296,13 +340,19 @@ fn arcs(hamiltonian: &Hamiltonian, plan: &Plan, iterate: &Iterate) -> Vec<Arc> {
     all
 }
 
-/// The largest size of each state and costate, one where it is zero.
-fn sizes(iterate: &Iterate) -> Vec<f64> {
+/// The largest size of each state and costate, one where it is zero. Those of a quaternion are one, and those of its costate are alike.
+fn sizes(iterate: &Iterate, quaternions: &[usize]) -> Vec<f64> {
     let mut sizes = vec![0.0f64; iterate.first().len()];
     for node in iterate.nodes.iter().flatten() {
         sizes.iter_mut().zip(node).for_each(|(size, x)| *size = size.max(x.abs()));
     }
     let n = sizes.len() / 2;
+    for &first in quaternions {
+        sizes[first..first + WIDTH].fill(1.0);
+        let costate = &mut sizes[n + first..n + first + WIDTH];
+        let largest = costate.iter().fold(0.0, |a: f64, b| a.max(*b));
+        costate.fill(largest);
+    }
     // a costate that is zero is so beside the others
     let costate = sizes[n..].iter().fold(0.0, |a: f64, b| a.max(*b));
     let costate = if costate > 0.0 { costate } else { 1.0 };

@@ -36,7 +36,7 @@ pub(super) fn samples(shooting: &mut Shooting<'_>, at: &Iterate) -> Option<Vec<V
             for k in 0..=SAMPLES {
                 let mut transition = DMatrix::identity(width, width);
                 if k > 0 {
-                    let arrival = follow(flow, shooting.sizes, &point, step, true)?;
+                    let arrival = follow(flow, shooting.sizes, &point, step, true, shooting.token)?;
                     point = arrival.point;
                     transition = arrival.transition?;
                 } else if s > 0 {

@@ -5,6 +5,9 @@
 //! a slope (Osmolovskii and Maurer, *Applications to Regular and Bang-Bang Control*, SIAM 2012). Where controls are continuous and
 //! H_uu is positive on those that are not at bounds, no point before the end may be conjugate to the start, det ∂x(t)/∂λ₀ ≠ 0, and
 //! what is left of the second variation at the end must be positive in the directions that are free there.
+//!
+//! Variations of an orientation are rotations about body axes, δq = ½ q θ, and those of its costate are covectors of these: of the four
+//! numbers of each the part along q means nothing, and no motion depends on it ([`Directions`]).
 
 use super::ends::EndValues;
 use super::flow::follow;
@@ -12,7 +15,8 @@ use super::kind::ControlKind;
 use super::samples::{SLACK, Sample};
 use super::shooting::{Iterate, Shooting};
 use super::verdict::Verdict;
-use nalgebra::{DMatrix, DVector};
+use crate::collocation::{WIDTH, body_axes};
+use nalgebra::{DMatrix, DVector, RowDVector};
 
 /// Eigenvalues this small, relative to the matrix, are neither positive nor negative.
 const FLAT: f64 = 1e-9;
@@ -23,6 +27,14 @@ const UNREACHED: &str =
     "the linearised equations do not reach all states, so that conjugate points have no meaning";
 /// Divisions of an interval around a conjugate point.
 const DIVISIONS: usize = 60;
+/// Part of its neighbours that the smallest singular value of the states has at the sample next to a point where it vanishes, at most:
+/// a third where it is linear on both sides.
+const DIP: f64 = 0.5;
+/// The same part where it counts as zero.
+const TOUCH: f64 = 1e-6;
+/// Golden section.
+const GOLDEN: f64 = 0.618_033_988_749_895;
+const DIPPED: &str = "the linearised equations hardly reach some states on the way, so that a point may be conjugate to the end in two directions at once";
 
 fn undecided(reason: &str) -> Verdict {
     Verdict::FirstOrder { reason: reason.to_owned() }
@@ -214,6 +226,43 @@ fn strict_switches(shooting: &Shooting<'_>, samples: &[Vec<Sample>]) -> Result<(
     Ok(())
 }
 
+/// In which directions states vary: along each that is a number, and of a quaternion along the rotations about body axes. All in
+/// units of the sizes, which are one for quaternions.
+struct Directions {
+    /// The states and parameters that vary; the states of the problem come first.
+    varied: Vec<usize>,
+    /// First number of each quaternion.
+    quaternions: Vec<usize>,
+}
+
+impl Directions {
+    fn count(&self) -> usize {
+        self.varied.len() - self.quaternions.len()
+    }
+
+    /// An orthonormal basis where the states are `point`: what varies by directions.
+    fn basis(&self, point: &[f64]) -> DMatrix<f64> {
+        let mut basis = DMatrix::zeros(self.varied.len(), self.count());
+        let (mut row, mut column) = (0, 0);
+        while row < self.varied.len() {
+            if self.quaternions.contains(&row) {
+                let axes = body_axes(&point[row..row + WIDTH]);
+                basis.view_mut((row, column), (WIDTH, WIDTH - 1)).copy_from(&axes);
+                (row, column) = (row + WIDTH, column + WIDTH - 1);
+            } else {
+                basis[(row, column)] = 1.0;
+                (row, column) = (row + 1, column + 1);
+            }
+        }
+        basis
+    }
+
+    /// Variations of the states at a point.
+    fn of_states(&self, family: &Family, point: &[f64]) -> DMatrix<f64> {
+        self.basis(point).transpose() * family.rows(&self.varied)
+    }
+}
+
 /// A family of neighbouring extremals: variations of states and costates, columns orthonormal in the sizes of their rows.
 #[derive(Clone)]
 struct Family {
@@ -221,10 +270,11 @@ struct Family {
 }
 
 impl Family {
-    /// All variations of the states with the same costates.
-    fn of_states(varied: &[usize], n: usize) -> Self {
-        let mut variations = DMatrix::zeros(2 * n, varied.len());
-        varied.iter().enumerate().for_each(|(column, &i)| variations[(i, column)] = 1.0);
+    /// All variations of the states at a point with the same costates.
+    fn of_states(directions: &Directions, point: &[f64], n: usize) -> Self {
+        let mut variations = DMatrix::zeros(2 * n, directions.count());
+        let basis = directions.basis(point);
+        directions.varied.iter().zip(basis.row_iter()).for_each(|(&i, row)| variations.set_row(i, &row));
         Self { variations }
     }
 
@@ -270,7 +320,6 @@ fn conjugate_points(
     // the time and fixed parameters do not vary
     let varied: Vec<usize> = (0..n_original + n_parameters).filter(|&i| i < n_original || !held(i)).collect();
     let argument = |i: usize| if i < n_original { i } else { n_original + i };
-    let count = varied.len();
     let at_end: Vec<usize> = (n_original..2 * n_original).chain([ends.gradient.len() - 1]).collect();
     for &i in varied.iter().filter(|&&i| !held(i)) {
         let joined = at_end.iter().any(|&a| ends.hessian[(argument(i), a)] != 0.0);
@@ -280,7 +329,7 @@ fn conjugate_points(
             return undecided("the end terms join both ends, for which no test of second order is made");
         }
     }
-    let mut variations = DMatrix::zeros(2 * n, count);
+    let mut variations = DMatrix::zeros(2 * n, varied.len());
     for (column, &i) in varied.iter().enumerate() {
         if held(i) {
             variations[(n + i, column)] = 1.0;
@@ -292,24 +341,27 @@ fn conjugate_points(
             variations[(n + j, column)] = -bent * sizes[i] / sizes[n + j];
         }
     }
+    let quaternions = shooting.hamiltonian.quaternions.clone();
+    let directions = &Directions { varied, quaternions };
+    let variations = variations * directions.basis(at.first());
     if scales_alone(shooting, samples, &sizes) {
         let is_fixed = (0..n_original + n_parameters).all(held);
         return if hamiltonian.time.is_none() && is_fixed && shooting.ends.finish.is_none() {
-            least_time(shooting, at, samples, ends, &varied, &sizes)
+            least_time(shooting, at, samples, ends, directions, &sizes)
         } else if is_fixed && shooting.ends.finish.is_some() {
-            from_the_end(shooting, samples, ends, &varied, &sizes)
+            from_the_end(shooting, samples, ends, directions, &sizes)
         } else {
             undecided(
                 "the control depends on the direction of the costates alone, and ends are free for which no test is made",
             )
         };
     }
-    let family = match scan(shooting, at, samples, Family { variations }, &varied, false) {
+    let family = match scan(shooting, at, samples, Family { variations }, directions, false) {
         Ok(family) => family,
         Err(verdict) => return verdict,
     };
     let Some(last) = samples.last().and_then(|arc| arc.last()) else { return undecided("there is no arc") };
-    end_form(shooting, last, ends, &family, &varied, &sizes)
+    end_form(shooting, last, ends, &family, directions, &sizes)
 }
 
 /// Whether the control depends on the direction of the costates alone, as where the cost is one of the end or of the time: a multiple
@@ -334,20 +386,70 @@ fn scales_alone(shooting: &Shooting<'_>, samples: &[Vec<Sample>], sizes: &[f64])
 /// the motion where time is free.
 fn states(
     family: &Family,
-    varied: &[usize],
+    directions: &Directions,
     sample: &Sample,
     sizes: &[f64],
     with_motion: bool,
 ) -> DMatrix<f64> {
-    let mut states = family.rows(varied);
+    let mut states = directions.of_states(family, &sample.point);
     if with_motion {
         let last = states.ncols();
         states = states.insert_column(last, 0.0);
-        for (row, &i) in varied.iter().enumerate() {
-            states[(row, last)] = sample.rates[i] / sizes[i];
-        }
+        let varied = directions.varied.iter();
+        let rates =
+            DVector::from_iterator(directions.varied.len(), varied.map(|&i| sample.rates[i] / sizes[i]));
+        states.set_column(last, &(directions.basis(&sample.point).transpose() * rates));
     }
     states
+}
+
+/// A family from one sample to the next.
+struct Step<'s> {
+    arc: usize,
+    ends: [&'s Sample; 2],
+    /// At the first of them.
+    family: Family,
+    /// The smallest singular value of the states at the second.
+    least: f64,
+}
+
+/// Where smallest singular values may vanish between three samples, though no determinant changes its sign: the middle ones.
+fn dips(least: &[f64]) -> impl Iterator<Item = usize> {
+    least.windows(3).enumerate().filter_map(|(k, values)| {
+        let [before, here, after] = [values[0], values[1], values[2]];
+        (here <= before && here <= after && here <= DIP * before.max(after)).then_some(k + 1)
+    })
+}
+
+/// The first time at which a family has no states in an even number of directions at once, as geodesics of a sphere do: its determinant
+/// keeps the sign.
+fn touched(
+    shooting: &mut Shooting<'_>,
+    at: &Iterate,
+    steps: &[Step<'_>],
+    directions: &Directions,
+    with_motion: bool,
+) -> Option<f64> {
+    let least: Vec<f64> = steps.iter().map(|step| step.least).collect();
+    for k in dips(&least).collect::<Vec<_>>() {
+        let size = least[k - 1].max(least[k + 1]);
+        for step in &steps[k..=k + 1] {
+            let mut value = |duration: f64| {
+                let states = states_after(shooting, at, step, directions, with_motion, duration)?;
+                Some(states.singular_values().min())
+            };
+            let (mut low, mut high) = (0.0, step.ends[1].time - step.ends[0].time);
+            for _ in 0..DIVISIONS {
+                let inner = [high - GOLDEN * (high - low), low + GOLDEN * (high - low)];
+                if value(inner[0])? <= value(inner[1])? { high = inner[1] } else { low = inner[0] }
+            }
+            let middle = 0.5 * (low + high);
+            if value(middle)? <= TOUCH * size {
+                return Some(step.ends[0].time + middle);
+            }
+        }
+    }
+    None
 }
 
 /// Carries a family from the start to the end, where it arrives; a conjugate point on the way is a verdict. Next to the start, where
@@ -357,29 +459,33 @@ fn scan(
     at: &Iterate,
     samples: &[Vec<Sample>],
     mut family: Family,
-    varied: &[usize],
+    directions: &Directions,
     with_motion: bool,
 ) -> Result<Family, Verdict> {
     let sizes = shooting.sizes.to_vec();
-    let mut companion = Family::of_states(varied, shooting.hamiltonian.n);
+    let mut companion = Family::of_states(directions, at.first(), shooting.hamiltonian.n);
     let mut last_sign = None;
+    let mut steps: Vec<Step<'_>> = Vec::new();
     for (a, arc) in samples.iter().enumerate() {
         for (k, sample) in arc.iter().enumerate().skip(1) {
             let transition = in_units(&sample.transition, &sizes);
             let next = family.carried(&transition);
-            let matrix = states(&next, varied, sample, &sizes, with_motion);
+            let matrix = states(&next, directions, sample, &sizes, with_motion);
             let sign = matrix.determinant().signum();
-            let is_clear = matrix.singular_values().min() > CLEAR;
+            let least = matrix.singular_values().min();
+            let is_clear = least > CLEAR;
+            let step = Step { arc: a, ends: [&arc[k - 1], sample], family, least };
             match last_sign {
                 None => {
                     companion = companion.carried(&transition);
-                    let others = companion.rows(varied);
+                    let others = directions.of_states(&companion, &sample.point);
                     if others.determinant() <= 0.0 || others.singular_values().min() <= CLEAR {
                         return Err(undecided(UNCLEAR));
                     }
                 }
                 Some(last) if is_clear && last != sign => {
-                    let time = located(shooting, at, a, [&arc[k - 1], sample], &family, varied, with_motion);
+                    let time = touched(shooting, at, &steps, directions, with_motion)
+                        .unwrap_or_else(|| located(shooting, at, &step, directions, with_motion));
                     return Err(Verdict::ConjugatePoint { time: at.start + time });
                 }
                 Some(_) => {}
@@ -387,8 +493,15 @@ fn scan(
             if is_clear {
                 last_sign = Some(sign);
             }
+            // what has not reached all states yet has rounding for its smallest singular value
+            if last_sign.is_some() {
+                steps.push(step);
+            }
             family = next;
         }
+    }
+    if let Some(time) = touched(shooting, at, &steps, directions, with_motion) {
+        return Err(Verdict::ConjugatePoint { time: at.start + time });
     }
     if last_sign.is_some() { Ok(family) } else { Err(undecided(UNREACHED)) }
 }
@@ -400,51 +513,61 @@ fn least_time(
     at: &Iterate,
     samples: &[Vec<Sample>],
     ends: &EndValues,
-    varied: &[usize],
+    directions: &Directions,
     sizes: &[f64],
 ) -> Verdict {
-    let (n, n_original, count) = (shooting.hamiltonian.n, shooting.hamiltonian.n_original, varied.len());
+    let (n, n_original, count) =
+        (shooting.hamiltonian.n, shooting.hamiltonian.n_original, directions.count());
+    let varied = &directions.varied;
     let (Some(first), Some(last)) =
         (samples.first().and_then(|arc| arc.first()), samples.last().and_then(|arc| arc.last()))
     else {
         return undecided(UNREACHED);
     };
-    let level = DMatrix::from_fn(1, count, |_, j| first.rates[varied[j]] * sizes[n + varied[j]]);
-    let basis = null_space(&level);
+    let at_start = directions.basis(&first.point);
+    let level = DMatrix::from_fn(1, varied.len(), |_, j| first.rates[varied[j]] * sizes[n + varied[j]]);
+    let basis = &at_start * null_space(&(level * &at_start));
     let mut variations = DMatrix::zeros(2 * n, basis.ncols());
     for (row, &i) in varied.iter().enumerate() {
         variations.row_mut(n + i).copy_from(&basis.row(row));
     }
-    let family = match scan(shooting, at, samples, Family { variations }, varied, true) {
+    let family = match scan(shooting, at, samples, Family { variations }, directions, true) {
         Ok(family) => family,
         Err(verdict) => return verdict,
     };
-    let Some(inverse) = states(&family, varied, last, sizes, true).try_inverse() else {
+    let Some(inverse) = states(&family, directions, last, sizes, true).try_inverse() else {
         return undecided("the end is conjugate to the start");
     };
     // of a variation of the end: the time it takes, and the costates it leads to
     let time = inverse.row(count - 1).into_owned();
     let costates = varied.iter().map(|i| n + i).collect::<Vec<_>>();
-    let falls = DVector::from_iterator(count, varied.iter().map(|&i| last.rates[n + i] / sizes[n + i]));
+    let falls =
+        DVector::from_iterator(varied.len(), varied.iter().map(|&i| last.rates[n + i] / sizes[n + i]));
     let bent = family.rows(&costates) * inverse.rows(0, count - 1) + falls * &time;
     let place = |k: usize| n_original + varied[k];
     let finish = ends.gradient.len() - 1;
-    let form = DMatrix::from_fn(count, count, |i, j| {
-        let [a, b] = [i, j].map(|k| sizes[varied[k]]);
-        let of = |row: usize, column: usize| ends.hessian[(row, column)];
-        of(place(i), place(j)) * a * b
-            + of(place(i), finish) * a * time[j]
-            + of(finish, place(j)) * time[i] * b
-            + of(finish, finish) * time[i] * time[j]
-            - a * bent[(i, j)] * sizes[n + varied[i]]
+    let at_end = directions.basis(&last.point);
+    let along = |of: &dyn Fn(usize) -> f64| {
+        RowDVector::from_fn(varied.len(), |_, k| of(k) * sizes[varied[k]]) * &at_end
+    };
+    let of = |row: usize, column: usize| ends.hessian[(row, column)];
+    let of_states = DMatrix::from_fn(varied.len(), varied.len(), |i, j| {
+        of(place(i), place(j)) * sizes[varied[i]] * sizes[varied[j]]
     });
+    let pushed =
+        DMatrix::from_fn(varied.len(), count, |i, j| sizes[varied[i]] * bent[(i, j)] * sizes[n + varied[i]]);
+    let with_time = along(&|k| of(place(k), finish));
+    let form = at_end.transpose() * (of_states * &at_end - pushed)
+        + with_time.transpose() * &time
+        + time.transpose() * with_time
+        + time.transpose() * &time * of(finish, finish);
     let mut rows = Vec::new();
-    for k in (0..count).filter(|&k| shooting.ends.last[varied[k]].is_some()) {
-        rows.push(DVector::from_fn(count, |j, _| f64::from(u8::from(j == k))));
+    for k in (0..varied.len()).filter(|&k| shooting.ends.last[varied[k]].is_some()) {
+        rows.push(at_end.row(k).into_owned());
     }
     for &(constraint, _) in &shooting.ends.constraints {
         let by = |a: usize| ends.by[(1 + constraint, a)];
-        rows.push(DVector::from_fn(count, |j, _| by(place(j)) * sizes[varied[j]] + by(finish) * time[j]));
+        rows.push(along(&|k| by(place(k))) + &time * by(finish));
     }
     let rows = DMatrix::from_fn(rows.len(), count, |i, j| rows[i][j]);
     definiteness(&form, &rows, "what is free at the end")
@@ -456,28 +579,34 @@ fn from_the_end(
     shooting: &Shooting<'_>,
     samples: &[Vec<Sample>],
     ends: &EndValues,
-    varied: &[usize],
+    directions: &Directions,
     sizes: &[f64],
 ) -> Verdict {
-    let (n, n_original, count) = (shooting.hamiltonian.n, shooting.hamiltonian.n_original, varied.len());
+    let (n, n_original, count) =
+        (shooting.hamiltonian.n, shooting.hamiltonian.n_original, directions.count());
+    let varied = &directions.varied;
     let place = |k: usize| n_original + varied[k];
+    let Some(last) = samples.last().and_then(|arc| arc.last()) else { return undecided(UNREACHED) };
+    let basis = directions.basis(&last.point);
     let mut rows = Vec::new();
-    for k in (0..count).filter(|&k| shooting.ends.last[varied[k]].is_some()) {
-        rows.push(DVector::from_fn(count, |j, _| f64::from(u8::from(j == k))));
+    for k in (0..varied.len()).filter(|&k| shooting.ends.last[varied[k]].is_some()) {
+        rows.push(DVector::from_fn(varied.len(), |j, _| f64::from(u8::from(j == k))));
     }
     for &(constraint, _) in &shooting.ends.constraints {
-        rows.push(DVector::from_fn(count, |j, _| ends.by[(1 + constraint, place(j))]));
+        rows.push(DVector::from_fn(varied.len(), |j, _| ends.by[(1 + constraint, place(j))]));
     }
-    let normals = DMatrix::from_fn(rows.len(), count, |i, j| rows[i][j]);
+    let normals = DMatrix::from_fn(rows.len(), varied.len(), |i, j| rows[i][j]);
     // in units of the states
-    let scaled = DMatrix::from_fn(rows.len(), count, |i, j| normals[(i, j)] * sizes[varied[j]]);
-    let tangents = null_space(&scaled);
-    if tangents.ncols() + normals.nrows() != count {
+    let scaled = DMatrix::from_fn(rows.len(), varied.len(), |i, j| normals[(i, j)] * sizes[varied[j]]);
+    let free = null_space(&(scaled * &basis));
+    if free.ncols() + normals.nrows() != count {
         return undecided("the end conditions depend on each other");
     }
+    let tangents = &basis * free;
     let mut variations = DMatrix::zeros(2 * n, count);
-    let bent = DMatrix::from_fn(count, count, |i, j| ends.hessian[(place(i), place(j))] * sizes[varied[j]])
-        * &tangents;
+    let bent = DMatrix::from_fn(varied.len(), varied.len(), |i, j| {
+        ends.hessian[(place(i), place(j))] * sizes[varied[j]]
+    }) * &tangents;
     for (row, &i) in varied.iter().enumerate() {
         for column in 0..tangents.ncols() {
             variations[(i, column)] = tangents[(row, column)];
@@ -487,19 +616,22 @@ fn from_the_end(
             variations[(n + i, tangents.ncols() + normal)] = normals[(normal, row)] / sizes[n + i];
         }
     }
-    let mut companion = Family::of_states(varied, n);
+    let mut companion = Family::of_states(directions, &last.point, n);
     let mut family = Family { variations };
     let mut last_sign = None;
-    for sample in samples.iter().rev().flat_map(|arc| arc.iter().skip(1).rev()) {
+    let mut all_least = Vec::new();
+    for pair in samples.iter().rev().flat_map(|arc| arc.windows(2).rev()) {
+        let [before, sample] = pair else { continue };
         let Some(back) = in_units(&sample.transition, sizes).try_inverse() else { return undecided(UNCLEAR) };
         family = family.carried(&back);
-        let matrix = family.rows(varied);
+        let matrix = directions.of_states(&family, &before.point);
         let sign = matrix.determinant().signum();
-        let is_clear = matrix.singular_values().min() > CLEAR;
+        let least = matrix.singular_values().min();
+        let is_clear = least > CLEAR;
         match last_sign {
             None => {
                 companion = companion.carried(&back);
-                let others = companion.rows(varied);
+                let others = directions.of_states(&companion, &before.point);
                 if others.determinant() <= 0.0 || others.singular_values().min() <= CLEAR {
                     return undecided(UNCLEAR);
                 }
@@ -514,30 +646,46 @@ fn from_the_end(
         if is_clear {
             last_sign = Some(sign);
         }
+        if last_sign.is_some() {
+            all_least.push(least);
+        }
+    }
+    if dips(&all_least).next().is_some() {
+        return undecided(DIPPED);
     }
     if last_sign.is_some() { Verdict::StrictMinimum } else { undecided(UNREACHED) }
+}
+
+/// The states of the family of a step, so long after its first sample.
+fn states_after(
+    shooting: &mut Shooting<'_>,
+    at: &Iterate,
+    step: &Step<'_>,
+    directions: &Directions,
+    with_motion: bool,
+    duration: f64,
+) -> Option<DMatrix<f64>> {
+    let flow = &mut shooting.flows[step.arc];
+    flow.set_guess(&at.guesses[step.arc][0]);
+    let arrival = follow(flow, shooting.sizes, &step.ends[0].point, duration, true, shooting.token)?;
+    let rates = flow.rates_at(&arrival.point);
+    let transition = arrival.transition?;
+    let carried = step.family.carried(&in_units(&transition, shooting.sizes));
+    let there = Sample { time: 0.0, point: arrival.point, observed: Vec::new(), rates, transition };
+    Some(states(&carried, directions, &there, shooting.sizes, with_motion))
 }
 
 /// When the determinant of a family is zero between two samples.
 fn located(
     shooting: &mut Shooting<'_>,
     at: &Iterate,
-    arc: usize,
-    [before, after]: [&Sample; 2],
-    family: &Family,
-    varied: &[usize],
+    step: &Step<'_>,
+    directions: &Directions,
     with_motion: bool,
 ) -> f64 {
-    let sizes = shooting.sizes.to_vec();
-    let flow = &mut shooting.flows[arc];
+    let [before, after] = step.ends;
     let mut determinant = |duration: f64| {
-        flow.set_guess(&at.guesses[arc][0]);
-        let arrival = follow(flow, &sizes, &before.point, duration, true)?;
-        let rates = flow.rates_at(&arrival.point);
-        let transition = arrival.transition?;
-        let carried = family.carried(&in_units(&transition, &sizes));
-        let there = Sample { time: 0.0, point: arrival.point, observed: Vec::new(), rates, transition };
-        Some(states(&carried, varied, &there, &sizes, with_motion).determinant())
+        states_after(shooting, at, step, directions, with_motion, duration).map(|states| states.determinant())
     };
     let (mut low, mut high) = (0.0, after.time - before.time);
     let Some(at_high) = determinant(high) else { return after.time };
@@ -561,19 +709,21 @@ fn end_form(
     last: &Sample,
     ends: &EndValues,
     family: &Family,
-    varied: &[usize],
+    directions: &Directions,
     sizes: &[f64],
 ) -> Verdict {
     let hamiltonian = shooting.hamiltonian;
+    let varied = &directions.varied;
     let (n, n_original, count) = (hamiltonian.n, hamiltonian.n_original, varied.len());
+    let basis = directions.basis(&last.point);
     let is_open = shooting.ends.finish.is_none();
     // variations of the states at the end, then of the final time
     let unknowns = count + usize::from(is_open);
     let costates: Vec<usize> = varied.iter().map(|i| n + i).collect();
-    let Some(inverse) = family.rows(varied).try_inverse() else {
+    let Some(inverse) = directions.of_states(family, &last.point).try_inverse() else {
         return undecided("the end is conjugate to the start");
     };
-    let slope = family.rows(&costates) * inverse;
+    let slope = family.rows(&costates) * inverse * basis.transpose();
     // P in the units of the problem
     let p = DMatrix::from_fn(count, count, |i, j| slope[(i, j)] * sizes[n + varied[i]] / sizes[varied[j]]);
     let rates = DVector::from_iterator(count, varied.iter().map(|&i| last.rates[i]));
@@ -618,5 +768,12 @@ fn end_form(
     let rows = DMatrix::from_fn(rows.len(), unknowns, |i, j| rows[i][j]);
     // in units, so that eigenvalues can be compared
     let scaled = DMatrix::from_fn(unknowns, unknowns, |i, j| form[(i, j)] * size(i) * size(j));
-    definiteness(&scaled, &rows, "what is free at the end")
+    let mut free = DMatrix::identity(unknowns, unknowns - directions.quaternions.len());
+    free.view_mut((0, 0), basis.shape()).copy_from(&basis);
+    if is_open {
+        free.view_mut((0, basis.ncols()), (count, 1)).fill(0.0);
+        free[(count, basis.ncols())] = 1.0;
+    }
+    let form = free.transpose() * scaled * &free;
+    definiteness(&form, &(rows * free), "what is free at the end")
 }

@@ -156,6 +156,8 @@ pub(super) struct Shooting<'a> {
     pub(super) terms: &'a mut EndTerms,
     /// Of x̃ and λ.
     pub(super) sizes: &'a [f64],
+    /// Ends what follows arcs.
+    pub(super) token: &'a CancellationToken,
     observables: Observables,
     /// Gradients of the bounds that costates jump by, at each junction.
     gradients: Vec<Option<Gradients>>,
@@ -193,15 +195,20 @@ struct Columns {
 }
 
 impl<'a> Shooting<'a> {
+    /// The equations of a plan; nothing where it is cancelled before all of them are made.
     pub(super) fn try_new(
         hamiltonian: &'a mut Hamiltonian,
         plan: &'a Plan,
         ends: &'a Ends,
         terms: &'a mut EndTerms,
         sizes: &'a [f64],
-    ) -> Result<Self, ExprError> {
+        token: &'a CancellationToken,
+    ) -> Result<Option<Self>, ExprError> {
         let mut flows = Vec::new();
         for (kind, ..) in &plan.arcs {
+            if token.is_cancelled() {
+                return Ok(None);
+            }
             flows.push(ArcFlow::try_new(hamiltonian, kind)?);
         }
         let mut gradients = Vec::new();
@@ -217,7 +224,7 @@ impl<'a> Shooting<'a> {
             });
         }
         let observables = hamiltonian.observables();
-        Ok(Self { hamiltonian, plan, flows, ends, terms, sizes, observables, gradients })
+        Ok(Some(Self { hamiltonian, plan, flows, ends, terms, sizes, token, observables, gradients }))
     }
 
     fn columns(&self, at: &Iterate) -> Columns {
@@ -274,7 +281,7 @@ impl<'a> Shooting<'a> {
             let mut arrivals = Vec::new();
             for s in 0..segments {
                 flow.set_guess(&at.guesses[a][s]);
-                arrivals.push(follow(flow, self.sizes, &at.nodes[a][s], duration, has_matrix)?);
+                arrivals.push(follow(flow, self.sizes, &at.nodes[a][s], duration, has_matrix, self.token)?);
             }
             all.push(arrivals);
         }
@@ -565,7 +572,9 @@ impl<'a> Shooting<'a> {
         }
         self.remember(&mut solved.iterate);
         let Some(mut system) = self.evaluate(&solved.iterate, &columns) else {
-            fail(&mut solved, "an arc of the collocation solution cannot be followed");
+            if !self.token.is_cancelled() {
+                fail(&mut solved, "an arc of the collocation solution cannot be followed");
+            }
             return solved;
         };
         let mut last_length = f64::INFINITY;
@@ -623,6 +632,9 @@ impl<'a> Shooting<'a> {
             };
             solved.steps += 1;
             let Some((iterate, next)) = accepted else {
+                if self.token.is_cancelled() {
+                    return solved;
+                }
                 if let Some(k) = shrinking {
                     solved.end = End::Vanished(k);
                 } else {

@@ -37,6 +37,25 @@ pub(super) struct Impulses {
     pub(super) path_values: Vec<Vec<f64>>,
 }
 
+/// Why no arcs are made of a solution.
+pub(super) struct Obstacle {
+    pub(super) reason: String,
+    /// Whether it lies in the problem, so that no finer solution is without it.
+    pub(super) is_lasting: bool,
+}
+
+impl Obstacle {
+    fn lasting(reason: String) -> Self {
+        Self { reason, is_lasting: true }
+    }
+}
+
+impl From<String> for Obstacle {
+    fn from(reason: String) -> Self {
+        Self { reason, is_lasting: false }
+    }
+}
+
 /// A stretch of the motion, in parts of the duration.
 #[derive(Debug, Clone, PartialEq)]
 struct Piece<T> {
@@ -194,8 +213,8 @@ impl Labels<'_> {
         if part.is_finite() { part.clamp(0.0, 1.0) } else { 0.5 }
     }
 
-    /// Where bounds of the state hold; a sentence where one of too high an order does.
-    fn contacts(&self, hamiltonian: &Hamiltonian, impulses: &Impulses) -> Result<Vec<Contact>, String> {
+    /// Where bounds of the state hold, unless one of too high an order does.
+    fn contacts(&self, hamiltonian: &Hamiltonian, impulses: &Impulses) -> Result<Vec<Contact>, Obstacle> {
         let costates = self.solution.costates.iter().flatten().fold(0.0, |a: f64, b| a.max(b.abs()));
         let mut contacts = Vec::new();
         for (number, bound) in hamiltonian.bounds.iter().enumerate() {
@@ -230,11 +249,11 @@ impl Labels<'_> {
                     continue;
                 }
                 if bound.order() > MOST_ORDER - usize::from(bound.controls.is_empty()) {
-                    return Err(format!(
+                    return Err(Obstacle::lasting(format!(
                         "{} holds, and no control appears in its first two derivatives; bounds of the state of order 3 and more are \
                          not made arcs of",
                         bound.name
-                    ));
+                    )));
                 }
                 contacts.push(self.contact(number, bound.order(), &pushes, first, last));
             }
@@ -442,12 +461,12 @@ pub(super) struct Structure<'a> {
 }
 
 impl<'a> Structure<'a> {
-    /// Labels; a sentence where no arcs can be made of them.
+    /// Labels, if arcs can be made of them.
     pub(super) fn try_new(
         hamiltonian: &Hamiltonian,
         solution: &'a PhaseSolution,
         impulses: &'a Impulses,
-    ) -> Result<Self, String> {
+    ) -> Result<Self, Obstacle> {
         let labels = Labels { solution, places: solution.places(), mesh: solution.mesh().bounds() };
         let mut contacts = labels.contacts(hamiltonian, impulses)?;
         // where all controls that could hold the state are at bounds, these hold it
@@ -489,12 +508,12 @@ impl<'a> Structure<'a> {
         }
     }
 
-    /// How arcs join, and where their shooting starts; a sentence where that is not known.
-    pub(super) fn found(&self, hamiltonian: &mut Hamiltonian, sketch: &Sketch) -> Result<Found, String> {
+    /// How arcs join, and where their shooting starts, if that is known.
+    pub(super) fn found(&self, hamiltonian: &mut Hamiltonian, sketch: &Sketch) -> Result<Found, Obstacle> {
         let solution = self.labels.solution;
         let (mut junctions, mut jumps) = (Vec::new(), Vec::new());
         if sketch.arcs.first().is_some_and(|(kind, ..)| kind.contact.is_some()) {
-            return Err("a bound of the state holds from the start on".to_owned());
+            return Err("a bound of the state holds from the start on".to_owned().into());
         }
         for pair in sketch.arcs.windows(2) {
             let ((before, ..), (after, from, to)) = (&pair[0], &pair[1]);
@@ -577,7 +596,7 @@ impl Sketch {
 }
 
 /// Whether all arcs are of kinds that are known.
-fn check(hamiltonian: &mut Hamiltonian, solution: &PhaseSolution, plan: &Plan) -> Result<(), String> {
+fn check(hamiltonian: &mut Hamiltonian, solution: &PhaseSolution, plan: &Plan) -> Result<(), Obstacle> {
     for (kind, start, end) in &plan.arcs {
         let free = kind.controls.iter().filter(|control| !control.is_at_bound()).count();
         let Some(singular) = kind.controls.iter().position(|&control| control == ControlKind::Singular)
@@ -589,17 +608,18 @@ fn check(hamiltonian: &mut Hamiltonian, solution: &PhaseSolution, plan: &Plan) -
         if free > 1 || kind.contact.is_some() {
             return Err(format!(
                 "control {singular} is singular {times} while another one is not at a bound either; such arcs are not polished"
-            ));
+            )
+            .into());
         }
         let samples: Vec<_> =
             (1..8).map(|k| solution.at_fraction(start + (end - start) * f64::from(k) / 8.0)).collect();
         let places = hamiltonian.places_near(&samples, &solution.parameters, t0);
         let size = hamiltonian.second_order(singular, &places).map_err(|error| error.to_string())?;
         if size < 1e-9 {
-            return Err(format!(
+            return Err(Obstacle::lasting(format!(
                 "control {singular} is singular of order 2 or more {times}: it does not appear in the second derivative of the \
                  switching function, and junctions of such an arc chatter"
-            ));
+            )));
         }
     }
     Ok(())

@@ -14,6 +14,7 @@ use super::problem::{Phase, Problem};
 use super::solution::PhaseSolution;
 use super::solve::{Collocation, MeshRecord, USABLE, is_ended};
 use super::transcription::Transcription;
+use somersault_core::cancel::CancellationToken;
 use somersault_nlp::{Flow, Iteration, NlpSolver, SolverError};
 use std::time::Instant;
 
@@ -63,6 +64,7 @@ impl<S: NlpSolver> Collocation<S> {
         meshes: &[Mesh],
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
         history: &mut Vec<MeshRecord>,
+        token: &CancellationToken,
         left: &mut Option<usize>,
     ) -> Result<Option<Vec<Guess>>, CollocationError> {
         let mut tried: Vec<Vec<(f64, f64)>> = Vec::new();
@@ -72,7 +74,7 @@ impl<S: NlpSolver> Collocation<S> {
                 continue;
             }
             let found =
-                self.motion_of_least_effort(problem, meshes, &horizons, on_iteration, history, left)?;
+                self.motion_of_least_effort(problem, meshes, &horizons, on_iteration, history, token, left)?;
             if found.is_some() || history.last().is_some_and(|record| is_ended(record.status)) {
                 return Ok(found);
             }
@@ -88,6 +90,7 @@ impl<S: NlpSolver> Collocation<S> {
         horizons: &[(f64, f64)],
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
         history: &mut Vec<MeshRecord>,
+        token: &CancellationToken,
         left: &mut Option<usize>,
     ) -> Result<Option<Vec<Guess>>, CollocationError> {
         let began = Instant::now();
@@ -96,7 +99,7 @@ impl<S: NlpSolver> Collocation<S> {
         problem.phases.iter_mut().zip(horizons).for_each(|(phase, horizon)| phase.pose_effort(*horizon));
         let solved = Transcription::try_new(problem, meshes).and_then(|mut transcription| {
             let start = transcription.decision_of_guess().into();
-            let (program, failure) = self.solved(&mut transcription, &start, on_iteration, left)?;
+            let (program, failure) = self.solved(&mut transcription, &start, on_iteration, token, left)?;
             if let Some(source) = failure {
                 return Err(SolverError::Failed { source, report: Box::new(program) }.into());
             }

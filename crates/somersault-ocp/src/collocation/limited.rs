@@ -1,15 +1,18 @@
-//! Programs that may be evaluated so often.
+//! Programs that may be evaluated so often and for so long.
 
+use somersault_core::cancel::CancellationToken;
 use somersault_nlp::{Curvature, EvaluationError, Exhausted, Nlp, Structure};
+use std::time::Instant;
 
-/// A program with the evaluations that are left of all that a search may make.
-pub(crate) struct LimitedEvaluations<'a, N> {
+/// A program with the evaluations that are left of all that a search may make, and the end of its time.
+pub(crate) struct Limited<'a, N> {
     pub(crate) nlp: &'a mut N,
     pub(crate) left: &'a mut Option<usize>,
+    pub(crate) token: &'a CancellationToken,
 }
 
 #[deny(clippy::missing_trait_methods)]
-impl<N: Nlp> Nlp for LimitedEvaluations<'_, N> {
+impl<N: Nlp> Nlp for Limited<'_, N> {
     fn structure(&self) -> &Structure {
         self.nlp.structure()
     }
@@ -44,5 +47,9 @@ impl<N: Nlp> Nlp for LimitedEvaluations<'_, N> {
         hessian: &mut [f64],
     ) -> Result<(), EvaluationError> {
         self.nlp.hessian(z, cost_factor, multipliers, hessian)
+    }
+
+    fn deadline(&self) -> Option<Instant> {
+        self.nlp.deadline().into_iter().chain(self.token.deadline()).min()
     }
 }

@@ -167,9 +167,9 @@ impl Phase {
         Ok([dynamics.expressions(point)?, path.expressions(point)?, of_ends.expressions(ends)?])
     }
 
-    /// The names of the states that quaternions begin at.
-    pub(crate) fn quaternion_names(&self) -> impl Iterator<Item = String> {
-        self.quaternions.iter().map(|&first| self.name_of_row(first))
+    /// The numbers of the states that quaternions begin at.
+    pub(crate) fn quaternion_places(&self) -> &[usize] {
+        &self.quaternions
     }
 
     /// The tree that moves, if the states are its own and others after them.

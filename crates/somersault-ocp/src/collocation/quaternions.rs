@@ -17,14 +17,14 @@ use super::guess::{Guess, middle};
 use super::interval::Interval;
 use super::wrong_derivative::Labels;
 use crate::WrongDerivative;
-use nalgebra::{DMatrix, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, Matrix4x3, Quaternion, UnitQuaternion, Vector3};
 use somersault_core::lie::so3;
 use somersault_expr::{ExprFunction, Expression, Graph};
 use somersault_nlp::EvaluationError;
 use std::f64::consts::TAU;
 
 /// Entries of a quaternion.
-pub(super) const WIDTH: usize = 4;
+pub(crate) const WIDTH: usize = 4;
 /// How far from one the norm of a quaternion may be that is given, to be brought to one: four digits of each entry.
 const ROUNDED: f64 = 1e-3;
 /// Cosine of half an angle below which a rotation is a half turn, both ways as long.
@@ -78,6 +78,15 @@ pub(super) fn wind(first: usize, row: &mut [f64], axis: Option<&Vector3<f64>>, f
         let turned = so3::from_xyzw(block(first, row)) * so3::exp(&(axis * (TAU * fraction)));
         row[first..first + WIDTH].copy_from_slice(turned.coords.as_slice());
     }
+}
+
+/// By what the numbers of a unit quaternion change in rotations about its three body axes: the columns q e_k, orthonormal, of δq =
+/// ½ Σ θ_k q e_k.
+pub(crate) fn body_axes(numbers: &[f64]) -> Matrix4x3<f64> {
+    let q = quaternion(numbers);
+    let q = q / q.norm();
+    let axis = |k: usize| (q * Quaternion::from_imag(Vector3::ith(k, 1.0))).coords;
+    Matrix4x3::from_columns(&[axis(0), axis(1), axis(2)])
 }
 
 /// Small differences of states at `at`: those of quaternions become rotation vectors in body axes, rad, with the change of the
@@ -447,5 +456,24 @@ impl VectorFunction for EndRows {
             }
         }
         Ok(())
+    }
+
+    fn expressions(&self, at: &[f64]) -> Result<ExprFunction, Untraced> {
+        let mut graph = Graph::new();
+        let inputs: Vec<Expression> = at.iter().map(|_| graph.input()).collect();
+        let mut outputs = Vec::with_capacity(self.0.len());
+        for row in &self.0 {
+            let mut sum = graph.constant(0.0);
+            for k in 0..WIDTH {
+                let (factor, x) = match row {
+                    EndRow::Product { first, by } => (graph.constant(by[k]), inputs[first + k]),
+                    EndRow::Norm { first } => (inputs[first + k], inputs[first + k]),
+                };
+                let product = graph.multiply(factor, x);
+                sum = graph.add(sum, product);
+            }
+            outputs.push(sum);
+        }
+        Ok(ExprFunction::new(graph, arguments(at.len()), outputs)?)
     }
 }

@@ -4,7 +4,7 @@ use super::confirmation::{Confirmation, confirm_cancellable};
 use super::error::CollocationError;
 use super::function::RelativeErrors;
 use super::guess::Guess;
-use super::limited::LimitedEvaluations;
+use super::limited::Limited;
 use super::mesh::Mesh;
 use super::optimality::{Accuracy, IntervalOptimality, optimality};
 use super::problem::Problem;
@@ -165,6 +165,12 @@ impl CollocationReport {
     }
 }
 
+impl AsRef<Self> for CollocationReport {
+    fn as_ref(&self) -> &Self {
+        self
+    }
+}
+
 /// Why a search has no solution.
 #[derive(Debug, thiserror::Error)]
 pub enum SearchError {
@@ -299,7 +305,7 @@ impl<S: NlpSolver> Collocation<S> {
         let mut found = self.search(problem, meshes, origin, Vec::new(), on_iteration, token, left)?;
         if found.is_lost() {
             let mut starts = Vec::new();
-            let start = match self.feasible_start(problem, meshes, on_iteration, &mut starts, left) {
+            let start = match self.feasible_start(problem, meshes, on_iteration, &mut starts, token, left) {
                 Err(
                     CollocationError::Solver(SolverError::Failed { source, .. })
                     | CollocationError::Evaluation(EvaluationError::Failed(source)),
@@ -388,7 +394,8 @@ impl<S: NlpSolver> Collocation<S> {
                     transcription.repeated(&solution.phases, &solution.program)?
                 }
             };
-            let (program, mut failure) = self.solved(&mut transcription, &start, on_iteration, left)?;
+            let (program, mut failure) =
+                self.solved(&mut transcription, &start, on_iteration, token, left)?;
             let mut record = MeshRecord {
                 meshes: meshes.clone(),
                 is_start: false,
@@ -508,15 +515,16 @@ impl<S: NlpSolver> Collocation<S> {
         })
     }
 
-    /// Solves a program with what is left of the evaluations. Beside the report there is what a function of the user failed with.
+    /// Solves a program with what is left of the evaluations and of the time. Beside the report there is what a function of the user failed with.
     pub(super) fn solved(
         &self,
         transcription: &mut Transcription<'_>,
         start: &Start,
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
+        token: &CancellationToken,
         left: &mut Option<usize>,
     ) -> Result<(Report, Option<Box<dyn Error + Send + Sync>>), CollocationError> {
-        match self.solver.solve(&mut LimitedEvaluations { nlp: transcription, left }, start, on_iteration) {
+        match self.solver.solve(&mut Limited { nlp: transcription, left, token }, start, on_iteration) {
             Ok(report) => Ok((report, None)),
             Err(SolverError::Failed { source, report }) => Ok((*report, Some(source))),
             Err(error) => Err(error.into()),

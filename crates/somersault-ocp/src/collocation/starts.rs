@@ -137,12 +137,12 @@ fn is_same_phase(a: &PhaseSolution, b: &PhaseSolution) -> bool {
 }
 
 /// Distinct solutions of one problem, that of lowest cost first, each with the numbers of the starts that led to it.
-pub fn distinct(found: Vec<(usize, CollocationReport)>) -> Vec<(CollocationReport, Vec<usize>)> {
+pub fn distinct<R: AsRef<CollocationReport>>(found: Vec<(usize, R)>) -> Vec<(R, Vec<usize>)> {
     let mut found = found;
-    found.sort_by(|(_, a), (_, b)| a.cost.total_cmp(&b.cost));
-    let mut all: Vec<(CollocationReport, Vec<usize>)> = Vec::new();
+    found.sort_by(|(_, a), (_, b)| a.as_ref().cost.total_cmp(&b.as_ref().cost));
+    let mut all: Vec<(R, Vec<usize>)> = Vec::new();
     for (start, report) in found {
-        match all.iter_mut().find(|(other, _)| other.is_same(&report)) {
+        match all.iter_mut().find(|(other, _)| other.as_ref().is_same(report.as_ref())) {
             Some((_, starts)) => starts.push(start),
             None => all.push((report, vec![start])),
         }
@@ -155,13 +155,14 @@ pub fn distinct(found: Vec<(usize, CollocationReport)>) -> Vec<(CollocationRepor
 
 /// Solutions that did not converge, best first by the merit of their programs ([`somersault_nlp::ranked`]); those that are no motions
 /// come last.
-pub fn ranked(found: Vec<(usize, CollocationReport)>) -> Vec<(usize, CollocationReport)> {
-    let programs: Vec<&Report> = found.iter().map(|(_, report)| &report.program).collect();
+pub fn ranked<R: AsRef<CollocationReport>>(found: Vec<(usize, R)>) -> Vec<(usize, R)> {
+    let programs: Vec<&Report> = found.iter().map(|(_, report)| &report.as_ref().program).collect();
     let mut place = vec![0; found.len()];
     for (rank, k) in somersault_nlp::ranked(&programs).into_iter().enumerate() {
         place[k] = rank;
     }
     let mut all: Vec<_> = place.into_iter().zip(found).collect();
-    all.sort_by_key(|(place, (_, report))| (report.status == CollocationStatus::FalseConvergence, *place));
+    let is_false = |report: &R| report.as_ref().status == CollocationStatus::FalseConvergence;
+    all.sort_by_key(|(place, (_, report))| (is_false(report), *place));
     all.into_iter().map(|(_, found)| found).collect()
 }

@@ -2,7 +2,7 @@
 
 use super::spline_program::{STEPS, tree_of};
 use super::splines::{SplineMotionReport, Splines};
-use crate::arcs::{Polish, Polished, Verdict};
+use crate::arcs::{Polish, Polished, Verdict, is_hopeless};
 use crate::collocation::{
     Accuracy, Collocation, CollocationError, CollocationReport, CollocationStatus, Confirmation, Guess,
     Interval, Mesh, MeshRecord, NO_MOTION, Origin, Phase, Problem, SearchError, USABLE, confirm_cancellable,
@@ -151,8 +151,15 @@ impl Solver {
         let mut guess: Option<Guess> = None;
         for halvings in 0..=splines.max_halvings {
             let n_intervals = splines.n_intervals << halvings;
-            let found =
-                splines.solve(problem, n_intervals, guess.as_ref(), POINTS, run.on_iteration, &mut run.left);
+            let found = splines.solve(
+                problem,
+                n_intervals,
+                guess.as_ref(),
+                POINTS,
+                run.on_iteration,
+                run.token,
+                &mut run.left,
+            );
             let found = match found {
                 Ok(found) => found,
                 // what has no value along splines may have one along straight lines
@@ -227,6 +234,7 @@ impl Solver {
                 guess.as_ref(),
                 STEPS + 1,
                 run.on_iteration,
+                run.token,
                 &mut run.left,
             )?;
             let status = found.program.status;
@@ -278,11 +286,14 @@ impl Solver {
         }
     }
 
-    /// Collocation that is coarse, then finer where no arcs were found, and polish.
+    /// Collocation that is coarse, then finer where no arcs were found, and polish. Where no arcs can be found of any solution, there is
+    /// one of collocation, to its own tolerance.
     fn polish(&self, problem: &mut Problem, run: &mut Run<'_>) -> Result<SolverResult, SearchError> {
         let mut found: Option<SolverResult> = None;
         let polish = Polish { max_evaluations: self.collocation.max_evaluations };
-        for tolerance in COARSE {
+        let once = [self.collocation.tolerance];
+        let tolerances = if is_hopeless(problem)? { &once[..] } else { &COARSE };
+        for &tolerance in tolerances {
             let collocation = Collocation { tolerance, ..self.collocation.clone() };
             let report = match &found {
                 None => self.choose(problem, &collocation, run)?,
@@ -304,7 +315,7 @@ impl Solver {
                 CollocationStatus::NotSolved(status) => is_ended(status),
                 _ => false,
             };
-            let is_done = !is_refused || is_final || run.token.is_cancelled();
+            let is_done = !is_refused || polished.is_lasting || is_final || run.token.is_cancelled();
             found = Some(SolverResult { report, polished: Some(polished) });
             if is_done {
                 break;
@@ -314,7 +325,21 @@ impl Solver {
     }
 }
 
+impl AsRef<CollocationReport> for SolverResult {
+    fn as_ref(&self) -> &CollocationReport {
+        &self.report
+    }
+}
+
 impl SolverResult {
+    /// Whether the method that was chosen ended with a solution: an extremal that nothing speaks against, or a converged report.
+    pub fn is_solution(&self) -> bool {
+        match &self.polished {
+            Some(polished) => polished.verdict.is_certified(),
+            None => self.report.status == CollocationStatus::Converged,
+        }
+    }
+
     fn of(report: CollocationReport) -> Self {
         Self { report, polished: None }
     }

@@ -2,12 +2,11 @@
 
 use super::spline_program::{Program, STEPS, SplineProgram};
 use crate::NoSplines;
-use crate::collocation::{
-    CollocationError, Guess, LimitedEvaluations, Mesh, PhaseRows, PhaseSolution, Problem, Radau,
-};
+use crate::collocation::{CollocationError, Guess, Limited, Mesh, PhaseRows, PhaseSolution, Problem, Radau};
 use crate::dynamics::HybridDynamics;
 use crate::shooting::Drive;
 use crate::transcription::Transcription;
+use somersault_core::cancel::CancellationToken;
 use somersault_nlp::{Flow, Globalisation, Iteration, NlpSolver, Report, SolverError, Sqp, Start};
 use std::error::Error;
 use std::time::{Duration, Instant};
@@ -78,14 +77,15 @@ impl Splines {
         guess: Option<&Guess>,
         points: usize,
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
+        token: &CancellationToken,
         left: &mut Option<usize>,
     ) -> Result<SplineMotionReport, CollocationError> {
         match SplineProgram::try_new(problem, n_intervals, self.exact_hessian)? {
             SplineProgram::Joints(program) => {
-                self.solve_program(*program, problem, guess, points, on_iteration, left)
+                self.solve_program(*program, problem, guess, points, on_iteration, token, left)
             }
             SplineProgram::Controls(program) => {
-                self.solve_program(*program, problem, guess, points, on_iteration, left)
+                self.solve_program(*program, problem, guess, points, on_iteration, token, left)
             }
         }
     }
@@ -97,6 +97,7 @@ impl Splines {
         guess: Option<&Guess>,
         points: usize,
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
+        token: &CancellationToken,
         left: &mut Option<usize>,
     ) -> Result<SplineMotionReport, CollocationError> {
         let began = Instant::now();
@@ -104,8 +105,7 @@ impl Splines {
         let own = phase.start().ok_or_else(|| NoSplines::Undefined { what: "the guess".to_owned() })?;
         let start = Start::from(posed.start(guess.unwrap_or(own), phase)?);
         let Program { mut program, mapping } = posed;
-        let solved =
-            self.solver.solve(&mut LimitedEvaluations { nlp: &mut program, left }, &start, on_iteration);
+        let solved = self.solver.solve(&mut Limited { nlp: &mut program, left, token }, &start, on_iteration);
         let (report, failure) = match solved {
             Ok(report) => (report, None),
             Err(SolverError::Failed { source, report }) => (*report, Some(source)),

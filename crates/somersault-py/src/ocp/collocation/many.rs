@@ -9,13 +9,16 @@ use pyo3::prelude::*;
 use rayon::prelude::*;
 use somersault::core::cancel::CancellationToken;
 use somersault::nlp::{Flow, Iteration, Status};
-use somersault::ocp::collocation::{CollocationError, CollocationReport, Problem, SearchError};
+use somersault::ocp::collocation::{
+    CollocationError, CollocationReport, Problem, RelativeErrors, SearchError,
+};
+use somersault::ocp::solver::{SolverResult, StartFrom};
 use std::sync::Arc;
 
 /// Results of all solves.
 pub(super) struct Many {
     /// None where it had not begun when all were to end.
-    pub(super) outcomes: Vec<Option<Result<CollocationReport, Fault>>>,
+    pub(super) outcomes: Vec<Option<Result<SolverResult, Fault>>>,
     /// What a handler of signals raised meanwhile.
     pub(super) raised: Option<PyErr>,
     /// Whether the time was over.
@@ -63,21 +66,22 @@ pub(super) fn solve_many(
     n: usize,
     make: impl Fn(usize, &Arc<CancellationToken>) -> Result<Job, Error> + Sync,
 ) -> Result<Many, Error> {
-    let (collocation, mesh) = settings.collocation(None)?;
+    let mesh = settings.mesh()?;
+    // what is wrong with the settings is said once
+    settings.solver(RelativeErrors::default())?;
     let cancellation = Cancellation::at(deadline(max_time)?);
     let token = &cancellation.token;
-    let solve = |k: usize| -> Result<CollocationReport, Fault> {
+    let solve = |k: usize| -> Result<SolverResult, Fault> {
         let (mut problem, solution) = make(k, token)?;
-        let collocation = collocation.clone().try_with_errors(problem.relative_errors())?;
+        let solver = settings.solver(problem.relative_errors())?;
         let look = &mut |_: &Iteration<'_>| if token.is_cancelled() { Flow::Stop } else { Flow::Continue };
-        let found = match solution.filter(|_| settings.keeps_mesh()) {
-            Some(solution) => collocation.solve_again(&mut problem, &solution, look, token),
-            None => {
-                let meshes = vec![mesh.clone(); problem.n_phases()];
-                collocation.solve_cancellable(&mut problem, &meshes, look, token)
-            }
+        let meshes = vec![mesh.clone(); problem.n_phases()];
+        let from = match &solution {
+            Some(solution) if settings.keeps_mesh() => StartFrom::Solution(solution),
+            Some(_) | None if settings.keeps_mesh() => StartFrom::Guess,
+            Some(_) | None => StartFrom::Meshes(&meshes),
         };
-        Ok(found?)
+        Ok(solver.solve(&mut problem, from, look, token)?)
     };
     // one problem to a job: some take a hundred times as long as others
     let all = || {
@@ -88,6 +92,6 @@ pub(super) fn solve_many(
     let raised = cancellation.raised().map(|raised| raised.clone_ref(py));
     let is_late = raised.is_none() && token.has_expired();
     let ended = if is_late { Status::TimeLimit } else { Status::Interrupted };
-    outcomes.iter_mut().flatten().flatten().for_each(|report| ended_by(report, ended));
+    outcomes.iter_mut().flatten().flatten().for_each(|found| ended_by(&mut found.report, ended));
     Ok(Many { outcomes, raised, is_late })
 }

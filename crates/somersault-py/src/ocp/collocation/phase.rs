@@ -97,15 +97,6 @@ impl TracedPhase {
         })
     }
 
-    /// Names of the states that quaternions begin at.
-    pub(super) fn quaternions(&self) -> impl Iterator<Item = &str> {
-        let first = match &self.dynamics {
-            Dynamics::Function(_) => Vec::new(),
-            Dynamics::Tree { dynamics, .. } => dynamics.quaternions(),
-        };
-        first.into_iter().map(|first| self.subject.states[first].as_str())
-    }
-
     /// Names of the functions that are not traced.
     pub(super) fn untraced(&self) -> impl Iterator<Item = &str> {
         let (Dynamics::Function(dynamics) | Dynamics::Tree { further: dynamics, .. }) = &self.dynamics;

@@ -19,8 +19,6 @@ pub(crate) struct PolishResult {
     pub(super) polished: Polished,
     pub(super) found: Py<CollocationResult>,
     pub(super) subject: Subject,
-    /// Why it was ended, if it was.
-    pub(super) ended: Option<&'static str>,
 }
 
 fn kind_name(kind: ControlKind) -> &'static str {
@@ -133,7 +131,7 @@ impl PolishResult {
     /// str: The verdict in a sentence, with the reason.
     #[getter]
     fn message(&self) -> String {
-        self.ended.map_or_else(|| self.polished.verdict.to_string(), |reason| format!("refused: {reason}"))
+        self.polished.verdict.to_string()
     }
 
     /// States at times.

@@ -4,13 +4,13 @@ use super::NAMES;
 use crate::core::error::Error;
 use crate::core::waiting::{attend_or_leave_by, deliver, returns_interrupted, with_solution};
 use crate::ocp::arguments::{count, limit, tolerance};
-use crate::ocp::solver::{Watcher, deadline, duration};
-use pyo3::PyClass;
+use crate::ocp::solver::{Watcher, deadline};
 use pyo3::prelude::*;
 use somersault::core::cancel::CancellationToken;
 use somersault::nlp::{Flow, Iteration, Sqp, Status};
 use somersault::ocp::collocation::{
-    Collocation, CollocationError, CollocationReport, CollocationStatus, Mesh, Problem, SearchError,
+    Collocation, CollocationError, CollocationReport, CollocationStatus, Mesh, Problem, RelativeErrors,
+    SearchError,
 };
 use somersault::ocp::solver::{SolutionMethod, Solver, SolverResult, Splines, StartFrom};
 use std::sync::Arc;
@@ -33,6 +33,7 @@ pub(super) struct Settings {
     pub(super) max_meshes: i64,
     pub(super) max_iterations: Option<i64>,
     pub(super) max_evaluations: Option<i64>,
+    pub(super) method: SolutionMethod,
 }
 
 impl Settings {
@@ -41,40 +42,45 @@ impl Settings {
         self.sizes == [None, None]
     }
 
-    /// The method, with a limit of time on each mesh, and the first mesh of each phase.
-    pub(super) fn collocation(&self, max_time: Option<Duration>) -> Result<(Collocation, Mesh), Error> {
-        let default = Collocation::default();
-        tolerance("tol", Some(self.tol))?;
-        let most = limit("max_iterations", self.max_iterations, 0)?;
+    /// What solves a problem whose functions have these errors.
+    pub(super) fn solver(&self, errors: RelativeErrors) -> Result<Solver, Error> {
+        let named = |error: CollocationError| Error::from(error).with_names(&NAMES);
+        let collocation = self.collocation()?.try_with_errors(errors).map_err(named)?;
+        Ok(Solver { method: self.method, splines: splines(&collocation), collocation })
+    }
+
+    /// The first mesh of each phase, if it is not that of a solution or one that the search chooses.
+    pub(super) fn mesh(&self) -> Result<Mesh, Error> {
         let [n_intervals, n_points] = self.sizes;
         let (n_intervals, n_points) = (
             count("n_intervals", n_intervals.unwrap_or(DEFAULT_SIZES.0), 1)?,
             count("n_points", n_points.unwrap_or(DEFAULT_SIZES.1), 1)?,
         );
-        let collocation = Collocation {
-            tolerance: self.tol,
-            max_meshes: count("max_meshes", self.max_meshes, 1)?,
-            max_evaluations: limit("max_evaluations", self.max_evaluations, 1)?,
-            solver: Sqp {
-                max_iterations: most.unwrap_or(default.solver.max_iterations),
-                max_time,
-                ..default.solver
-            },
-            ..default
-        };
         if n_intervals.saturating_mul(n_points) > MOST_POINTS || n_points > 500 {
             return Err(Error::input(format!(
                 "`n_intervals` × `n_points` must be at most {MOST_POINTS} and `n_points` at most 500, found {n_intervals} × {n_points}"
             )));
         }
-        Ok((collocation, Mesh::try_uniform(n_intervals, n_points)?))
+        Ok(Mesh::try_uniform(n_intervals, n_points)?)
+    }
+
+    fn collocation(&self) -> Result<Collocation, Error> {
+        let default = Collocation::default();
+        tolerance("tol", Some(self.tol))?;
+        let most = limit("max_iterations", self.max_iterations, 0)?;
+        Ok(Collocation {
+            tolerance: self.tol,
+            max_meshes: count("max_meshes", self.max_meshes, 1)?,
+            max_evaluations: limit("max_evaluations", self.max_evaluations, 1)?,
+            solver: Sqp { max_iterations: most.unwrap_or(default.solver.max_iterations), ..default.solver },
+            ..default
+        })
     }
 }
 
 /// How one search is to go.
 pub(super) struct SearchOptions<'a, 'py> {
     pub(super) settings: Settings,
-    pub(super) method: SolutionMethod,
     /// Where the search starts, if it is no guess.
     pub(super) solution: Option<Arc<CollocationReport>>,
     pub(super) max_time: Option<f64>,
@@ -84,23 +90,22 @@ pub(super) struct SearchOptions<'a, 'py> {
 
 impl SearchOptions<'_, '_> {
     /// Searches without the interpreter, and looks for callback and Ctrl-C meanwhile.
-    pub(super) fn run<R: PyClass>(
+    pub(super) fn run(
         self,
         py: Python<'_>,
         n_phases: usize,
         problem: impl FnOnce(&Arc<CancellationToken>) -> Result<Problem, Error>,
-        result: impl FnOnce(SolverResult) -> Result<Py<R>, Error>,
-    ) -> Result<Py<R>, Error> {
+        result: impl FnOnce(SolverResult) -> Result<Py<PyAny>, Error>,
+    ) -> Result<Py<PyAny>, Error> {
         let returned = returns_interrupted(self.on_interrupt)?;
-        let (collocation, mesh) = self.settings.collocation(duration(self.max_time)?)?;
+        let mesh = self.settings.mesh()?;
         let token = Arc::new(CancellationToken::with_deadline(deadline(self.max_time)?));
-        let (method, keeps_mesh) = (self.method, self.settings.keeps_mesh());
+        let keeps_mesh = self.settings.keeps_mesh();
         let again = self.solution.filter(|_| keeps_mesh);
         let meshes = vec![mesh; n_phases];
         let (mut problem, mut watcher) = (problem(&token)?, Watcher::new(self.callback)?);
         let named = |error: CollocationError| Error::from(error).with_names(&NAMES);
-        let collocation = collocation.try_with_errors(problem.relative_errors()).map_err(named)?;
-        let solver = Solver { method, splines: splines(&collocation), collocation };
+        let solver = self.settings.solver(problem.relative_errors())?;
         let search = move |token: &CancellationToken| {
             let mut look = |iteration: &Iteration<'_>| -> Flow {
                 if token.is_cancelled() { Flow::Stop } else { watcher.look(iteration) }
@@ -144,7 +149,6 @@ fn splines(collocation: &Collocation) -> Splines {
         feasibility_tol: default.solver.feasibility_tol.max(of_meshes.feasibility_tol),
         complementarity_tol: default.solver.complementarity_tol.max(of_meshes.complementarity_tol),
         max_iterations: of_meshes.max_iterations,
-        max_time: of_meshes.max_time,
         ..default.solver
     };
     Splines { solver, ..default }

@@ -13,10 +13,10 @@ use crate::ocp::search::SearchResult;
 use crate::ocp::solver::deadline;
 use pyo3::prelude::*;
 use somersault::core::cancel::CancellationToken;
-use somersault::ocp::arcs::{Polish, Polished, Verdict};
+use somersault::ocp::arcs::{Polish, Polished};
 use somersault::ocp::collocation::{
-    CollocationReport, CollocationStatus, End, Guess, Interval, Linkage, PhaseSolution, Place, Problem,
-    Quantity, distinct, ranked,
+    CollocationReport, End, Guess, Interval, Linkage, PhaseSolution, Place, Problem, Quantity, distinct,
+    ranked,
 };
 use somersault::ocp::solver::{SolutionMethod, SolverResult};
 use std::sync::Arc;
@@ -116,16 +116,25 @@ impl TracedProblem {
             .map_err(|error| named(error.into()))
     }
 
-    /// Refuses what arcs cannot be found of: quaternions, and functions that are not traced.
+    /// Refuses a method that does not take the problem.
+    fn expect_taken_by(&self, method: SolutionMethod) -> Result<(), Error> {
+        let name = match method {
+            SolutionMethod::Shooting => "shooting",
+            SolutionMethod::Indirect => "indirect",
+            _ => return Ok(()),
+        };
+        if self.linkages.is_some() {
+            return Err(Error::input(format!(
+                "`method` must be 'auto' or 'collocation' for a problem of several phases, found '{name}'"
+            )));
+        }
+        if method == SolutionMethod::Indirect { self.expect_arcs("method='indirect'") } else { Ok(()) }
+    }
+
+    /// Refuses what arcs cannot be found of: functions that are not traced.
     fn expect_arcs(&self, what: &str) -> Result<(), Error> {
         for phase in &self.phases {
-            let phase = phase.get();
-            if let Some(state) = phase.quaternions().next() {
-                return Err(Error::input(format!(
-                    "`dynamics` must have no ball or free joint for `{what}`, found the quaternion that begins at `{state}`"
-                )));
-            }
-            if let Some(name) = phase.untraced().next() {
+            if let Some(name) = phase.get().untraced().next() {
                 return Err(Error::input(format!(
                     "`dynamics`, costs and constraints must be traced for `{what}`, found the ExternalFunction `{name}`"
                 )));
@@ -141,7 +150,21 @@ impl TracedProblem {
         let polished =
             polished.unwrap_or_else(|| Polished::refused(&report, "the search was stopped before"));
         let found = CollocationResult::of(py, report, subject.clone(), tol)?;
-        Ok(Py::new(py, PolishResult { polished, found, subject, ended: None })?)
+        Ok(Py::new(py, PolishResult { polished, found, subject })?)
+    }
+
+    /// What a method found as Python sees it.
+    fn found(
+        &self,
+        py: Python<'_>,
+        found: SolverResult,
+        method: SolutionMethod,
+        tol: f64,
+    ) -> Result<Py<PyAny>, Error> {
+        Ok(match method {
+            SolutionMethod::Indirect => self.polished(py, found, tol)?.into_any(),
+            _ => self.result(py, found.report, tol)?.into_any(),
+        })
     }
 
     /// A report as what Python sees of it: of one phase, or of several.
@@ -212,23 +235,18 @@ impl TracedProblem {
         method: &str,
     ) -> Result<Py<PyAny>, Error> {
         let method = method_of(method)?;
+        self.expect_taken_by(method)?;
         let (guesses, solution) = start.read();
         let sizes = [n_intervals, n_points];
-        let settings = Settings { tol, sizes, max_meshes, max_iterations, max_evaluations };
-        let options = SearchOptions { settings, method, solution, max_time, callback, on_interrupt };
+        let settings = Settings { tol, sizes, max_meshes, max_iterations, max_evaluations, method };
+        let options = SearchOptions { settings, solution, max_time, callback, on_interrupt };
         let problem = |token: &Arc<CancellationToken>| self.problem(guesses, token);
-        if method == SolutionMethod::Indirect {
-            self.expect_arcs("method='indirect'")?;
-            let result = |found: SolverResult| self.polished(py, found, tol);
-            return Ok(options.run(py, self.phases.len(), problem, result)?.into_any());
-        }
-        let result = |found: SolverResult| self.result(py, found.report, tol);
-        Ok(options.run(py, self.phases.len(), problem, result)?.into_any())
+        options.run(py, self.phases.len(), problem, |found| self.found(py, found, method, tol))
     }
 
     /// As `ControlProblem.search` and `MultiphaseProblem.search`.
     #[pyo3(signature = (
-        n_starts, seed, tol, n_intervals, n_points, max_meshes, max_iterations, max_evaluations, max_time, on_interrupt
+        n_starts, seed, tol, n_intervals, n_points, max_meshes, max_iterations, max_evaluations, max_time, on_interrupt, method
     ))]
     fn search(
         &self,
@@ -243,10 +261,13 @@ impl TracedProblem {
         #[pyo3(from_py_with = integer_or_none)] max_evaluations: Option<i64>,
         max_time: Option<f64>,
         on_interrupt: &str,
+        method: &str,
     ) -> Result<SearchResult, Error> {
         let returned = returns_interrupted(on_interrupt)?;
+        let method = method_of(method)?;
+        self.expect_taken_by(method)?;
         let sizes = [n_intervals, n_points];
-        let settings = Settings { tol, sizes, max_meshes, max_iterations, max_evaluations };
+        let settings = Settings { tol, sizes, max_meshes, max_iterations, max_evaluations, method };
         let (n, seed) = (count("n_starts", n_starts, 1)?, seed_of(seed)?);
         if n > MOST_STARTS {
             return Err(Error::input(format!("`n_starts` must be at most {MOST_STARTS}, found {n}")));
@@ -261,14 +282,16 @@ impl TracedProblem {
         let (mut solved, mut others, mut failures) = (Vec::new(), Vec::new(), Vec::new());
         for (start, outcome) in many.outcomes.into_iter().enumerate() {
             match outcome {
-                Some(Ok(report)) if report.status == CollocationStatus::Converged => {
-                    solved.push((start, report))
-                }
-                Some(Ok(report)) => others.push((start, report)),
+                Some(Ok(found)) if found.is_solution() => solved.push((start, found)),
+                Some(Ok(found)) => others.push((start, found)),
                 Some(Err(Fault { error, report: Some(report) })) => {
                     // a fault in a function of the user is one for all starts
                     raised.get_or_insert(error.into());
-                    others.push((start, *report));
+                    others.push((start, SolverResult { report: *report, polished: None }));
+                }
+                // so is what splines cannot take
+                Some(Err(Fault { error, report: None })) if method == SolutionMethod::Shooting => {
+                    return Err(error);
                 }
                 Some(Err(Fault { error, report: None })) => {
                     failures.push((start, PyErr::from(error).value(py).to_string()));
@@ -283,14 +306,14 @@ impl TracedProblem {
             (false, false, _) => "interrupted",
         };
         let (mut minima, mut starts, mut unfinished) = (Vec::new(), Vec::new(), Vec::new());
-        for (report, from) in distinct(solved) {
-            minima.push(self.result(py, report, tol)?.into_any());
+        for (found, from) in distinct(solved) {
+            minima.push(self.found(py, found, method, tol)?);
             starts.push(from);
         }
-        for (start, report) in ranked(others) {
-            let result = self.result(py, report, tol)?;
-            failures.push((start, result.get().message()));
-            unfinished.push(result.into_any());
+        for (start, found) in ranked(others) {
+            let result = self.found(py, found, method, tol)?;
+            failures.push((start, result.getattr(py, "message")?.extract(py)?));
+            unfinished.push(result);
         }
         failures.sort_by_key(|(start, _)| *start);
         let found = SearchResult::new(minima, starts, unfinished, failures, status.to_owned());
@@ -300,7 +323,7 @@ impl TracedProblem {
     /// As `solve_batch`.
     #[staticmethod]
     #[pyo3(signature = (
-        problems, starts, tol, n_intervals, n_points, max_meshes, max_iterations, max_evaluations, max_time, on_interrupt
+        problems, starts, tol, n_intervals, n_points, max_meshes, max_iterations, max_evaluations, max_time, on_interrupt, method
     ))]
     fn solve_all(
         py: Python<'_>,
@@ -314,10 +337,16 @@ impl TracedProblem {
         #[pyo3(from_py_with = integer_or_none)] max_evaluations: Option<i64>,
         max_time: Option<f64>,
         on_interrupt: &str,
-    ) -> Result<Vec<Option<Py<CollocationOutcome>>>, Error> {
+        method: &str,
+    ) -> Result<Vec<Option<Py<PyAny>>>, Error> {
         let returned = returns_interrupted(on_interrupt)?;
+        let method = method_of(method)?;
+        for (k, problem) in problems.iter().enumerate() {
+            let taken = problem.get().expect_taken_by(method);
+            taken.map_err(|error| error.within(&format!("problems[{k}]")))?;
+        }
         let sizes = [n_intervals, n_points];
-        let settings = Settings { tol, sizes, max_meshes, max_iterations, max_evaluations };
+        let settings = Settings { tol, sizes, max_meshes, max_iterations, max_evaluations, method };
         let starts: Vec<_> = starts.into_iter().map(Origin::read).collect();
         if starts.len() != problems.len() {
             let (n, found) = (problems.len(), starts.len());
@@ -331,18 +360,18 @@ impl TracedProblem {
         let mut raised: Option<PyErr> = many.raised;
         let mut found = Vec::with_capacity(problems.len());
         for (k, (problem, outcome)) in problems.iter().zip(many.outcomes).enumerate() {
-            let report = match outcome {
-                Some(Ok(report)) => Some(report),
+            let one = match outcome {
+                Some(Ok(one)) => Some(one),
                 Some(Err(Fault { error, report: Some(report) })) => {
                     raised.get_or_insert(error.into());
-                    Some(*report)
+                    Some(SolverResult { report: *report, polished: None })
                 }
                 Some(Err(Fault { error, report: None })) => {
                     return Err(error.within(&format!("problems[{k}]")));
                 }
                 None => None,
             };
-            found.push(report.map(|report| problem.get().result(py, report, tol)).transpose()?);
+            found.push(one.map(|one| problem.get().found(py, one, method, tol)).transpose()?);
         }
         deliver(py, raised, returned, found)
     }
@@ -371,10 +400,7 @@ impl TracedProblem {
         if let Some(raised) = cancellation.raised() {
             return Err(raised.clone_ref(py).into());
         }
-        let is_refused = matches!(polished.verdict, Verdict::Refused { .. });
-        let is_late = is_refused && cancellation.token.has_expired();
-        let ended = is_late.then_some("the limit of time was reached");
-        Ok(PolishResult { polished, found: found.clone().unbind(), subject, ended })
+        Ok(PolishResult { polished, found: found.clone().unbind(), subject })
     }
 
     /// As `ControlProblem.sensitivity`.
