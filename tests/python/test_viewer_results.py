@@ -197,10 +197,11 @@ SHOWN: dict[str, Callable[[pytest.FixtureRequest, Path], Any]] = {
 }
 
 #: With `t`, or with `t` and `q`.
-ARGUMENTS = {"Model", "Robot", "RigidBody", "FreeBody"}
+ARGUMENTS = {"Model", "Robot", "RigidBody", "FreeBody", "Gyrostat"}
 
 #: Classes that are no results, or hold no motion of bodies.
 WITHOUT = {
+    "AerodynamicDrag",
     "Band",
     "Baseline",
     "Box",
@@ -209,6 +210,7 @@ WITHOUT = {
     "CompliantLaw",
     "Constraint",
     "Contact",
+    "ControlMomentGyros",
     "ControlProblem",
     "Convergence",
     "Correlation",
@@ -237,6 +239,7 @@ WITHOUT = {
     "Geometry",
     "Gravitation",
     "Gravity",
+    "GravityGradient",
     "GroupComparison",
     "HalfSpace",
     "HuntCrossley",
@@ -245,6 +248,7 @@ WITHOUT = {
     "LinkPair",
     "Loft",
     "LyapunovSpectrum",
+    "MagneticDipole",
     "MarkerSet",
     "Matching",
     "Mesh",
@@ -252,14 +256,17 @@ WITHOUT = {
     "MethodTable",
     "MinimizeResult",
     "MultiphaseProblem",
+    "Orbit",
     "Pca",
     "Perturbation",
     "Phase",
     "Placement",
+    "Plate",
     "Platform",
     "PolishResult",
     "Problem",
     "Projection",
+    "ReactionWheels",
     "RegularisedFriction",
     "Repair",
     "Resistance",
@@ -275,6 +282,7 @@ WITHOUT = {
     "Shape",
     "Skeleton",
     "SkeletonJoint",
+    "SolarPressure",
     "SolutionSensitivity",
     "Spectrum",
     "Sphere",
@@ -284,6 +292,7 @@ WITHOUT = {
     "Splitting",
     "Spring",
     "StabilityRegion",
+    "Stepper",
     "Subspace",
     "Surface",
     "SurfaceFunction",
