@@ -115,7 +115,7 @@ def test_near_a_separatrix_it_is_right_or_refuses() -> None:
             continue
         error = off(found, velocity, *motion(moments, rotors, velocity, 20.0))
         assert error < 1e-9, (aside, error)
-    assert refused < 4
+    assert refused < 3
 
 
 def test_arguments_are_checked_and_pickles_are_equal(body: RigidBody, state: State) -> None:

@@ -56,8 +56,8 @@ def resolve(
         return Subject(moving.model if isinstance(moving, Robot) else moving, t, q, v)
     if isinstance(moving, exact.FreeBody | exact.Gyrostat):
         if t is None or q is not None or v is not None:
-            kind = type(moving).__name__
-            raise InputError(f"`t` must be given beside a {kind}, and `q` and `v` must not")
+            name = type(moving).__name__
+            raise InputError(f"`t` must be given beside a {name}, and `q` and `v` must not")
         return Subject(moving(numbers("t", t, (None,))))
     found = Subject(moving)
     while not isinstance(found.source, Source):

@@ -84,7 +84,8 @@ impl Path {
             Form::Pendulum { x, y, first, last, product } => {
                 let (s2, d2, m1) = (sn * sn, dn * dn, self.parameter.m1());
                 let root = (d2 * d2 + m * m1 * s2 * s2).sqrt();
-                let whole = 1.0 - m * s2 * s2;
+                // 1 − m sn⁴ without cancellation
+                let whole = m1 + m * cn * cn * (1.0 + s2);
                 let double = (cn * cn - s2 * d2) / whole;
                 // twice δ from φ_α on, or back from φ_β
                 let (c, s) = if double < 0.0 {

@@ -120,7 +120,7 @@ impl FreeBody {
 /// Notes
 /// -----
 /// The error is within 1e-13 of the condition of the motion, the change of its end by relative changes of the data, which grows with time
-/// and near separatrices. `residual` says how well the equations hold; within some 1e-9 of a separatrix the motion is refused. The motion
+/// and near separatrices. `residual` says how well the equations hold; within some 1e-11 of a separatrix the motion is refused. The motion
 /// once costs about 0.5 ms, a time 3 µs.
 ///
 /// Sources: V. Volterra, Acta Math. 22 (1899) 201; J. Wittenburg, Dynamics of Systems of Rigid Bodies, Teubner 1977, §4.6.
