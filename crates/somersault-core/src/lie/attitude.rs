@@ -176,6 +176,7 @@ mod tests {
 
     // of scipy.spatial.transform.Rotation.from_quat([0.3, -0.5, 0.2, 0.7]), SciPy 1.17.1
     #[rustfmt::skip]
+    #[allow(clippy::approx_constant)]
     const EULER: [(&str, [f64; 3]); 24] = [
         ("xyz", [0.8584387287005677, -1.2301194970719886, -0.06885648930104454]),
         ("XYZ", [1.2734311815709731, -0.7297276562269663, 1.1071487177940906]),
