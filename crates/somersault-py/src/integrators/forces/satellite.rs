@@ -226,7 +226,7 @@ impl Orbit {
 /// >>> tilted = somersault.State(orientation=(0.0, 0.0, 0.1, 1.0))
 /// >>> force, torque = forces.GravityGradient(orbit).wrench(0.0, satellite, tilted)
 /// >>> float(f"{torque[2]:.3g}")
-/// -3.42e-08
+/// 6.77e-08
 #[pyclass(frozen, extends = ForceModel, module = "somersault.forces")]
 pub(crate) struct GravityGradient(satellite::GravityGradient);
 
