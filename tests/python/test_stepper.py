@@ -1,5 +1,6 @@
 """Integrations that are made step by step."""
 
+import os
 import pickle
 
 import numpy as np
@@ -90,6 +91,21 @@ def test_a_step_that_fails_is_an_integration_error(body: RigidBody) -> None:
     with pytest.raises(somersault.errors.IntegrationError):
         stepper.step()
     assert stepper.status == "failed" and stepper.state == fast
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork on this system")
+def test_a_forked_child_is_told_that_its_stepper_has_no_thread(body: RigidBody, state: State) -> None:
+    stepper = Stepper(body, state, 0.0, 1.0, dt=0.1)
+    stepper.step()
+    child = os.fork()
+    if child == 0:
+        try:
+            stepper.step()
+        except somersault.InputError as error:
+            os._exit(7 if "after a fork" in str(error) else 1)
+        os._exit(2)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7
+    stepper.step()
 
 
 def test_arguments_are_checked_and_pickles_refused(body: RigidBody, state: State) -> None:

@@ -49,6 +49,8 @@ struct Worker {
     asked: Sender<Asked>,
     answers: Mutex<Receiver<Answer>>,
     failure: Failure,
+    /// The process that has the thread; a forked child has none.
+    process: u32,
 }
 
 impl Worker {
@@ -68,11 +70,16 @@ impl Worker {
             }
         });
         thread.map_err(|error| Error::of_system(format!("no thread can be started: {error}")))?;
-        Ok(Self { asked, answers: Mutex::new(answers), failure })
+        Ok(Self { asked, answers: Mutex::new(answers), failure, process: std::process::id() })
     }
 
     /// Asks and waits, looking for signals meanwhile.
     fn ask(&self, py: Python<'_>, asked: Asked) -> Result<Answer, Error> {
+        if self.process != std::process::id() {
+            return Err(Error::input(
+                "a Stepper is not used after a fork: make another one from its `t` and `state`",
+            ));
+        }
         let gone = || Error::of_system("the thread that makes the steps is gone".to_owned());
         self.asked.send(asked).map_err(|_| gone())?;
         let answer: PyResult<Option<Answer>> = py.detach(|| {
