@@ -4,6 +4,38 @@
 both, which add up. Forces in N and torques about the centre of mass in N m, world frame.
 """
 
-from somersault._somersault.forces import Drag, Force, ForceModel, Gravitation, Gravity, Spring, Torque
+from somersault._somersault.forces import (
+    AerodynamicDrag,
+    ControlMomentGyros,
+    Drag,
+    Force,
+    ForceModel,
+    Gravitation,
+    Gravity,
+    GravityGradient,
+    MagneticDipole,
+    Orbit,
+    Plate,
+    ReactionWheels,
+    SolarPressure,
+    Spring,
+    Torque,
+)
 
-__all__ = ["Drag", "Force", "ForceModel", "Gravitation", "Gravity", "Spring", "Torque"]
+__all__ = [
+    "AerodynamicDrag",
+    "ControlMomentGyros",
+    "Drag",
+    "Force",
+    "ForceModel",
+    "Gravitation",
+    "Gravity",
+    "GravityGradient",
+    "MagneticDipole",
+    "Orbit",
+    "Plate",
+    "ReactionWheels",
+    "SolarPressure",
+    "Spring",
+    "Torque",
+]

@@ -109,6 +109,15 @@ def middle_axis() -> float:
     return float(max(turn, spin / 5) / (4 * 2.2e-16 * 20 * 2))
 
 
+def gyrostat() -> float:
+    scene = exam.scene("gyrostat")
+    end = somersault.exact.Gyrostat(scene.bodies[0], scene.rotors, scene.start[0])(scene.duration)
+    turn = min(np.linalg.norm(end.quaternion - sign * scene.answer[0, 3:7]) for sign in (-1, 1))
+    spin = np.linalg.norm(end.angular_velocity_body - scene.answer[0, 10:])
+    # both are within a few roundings of what the start is sensitive to
+    return float(max(turn, spin) / (10 * 2.2e-16 * scene.condition))
+
+
 def separatrix() -> float:
     scene, (i, j, k), (a, _, c) = start_of("separatrix")
     t = mpf(scene.duration)
@@ -529,6 +538,7 @@ CLOSED: dict[str, Callable[[], float]] = {
     "rod": lambda: symmetric("rod"),
     "plate": lambda: symmetric("plate"),
     "separatrix": separatrix,
+    "gyrostat": gyrostat,
     "ball_torque": ball_torque,
     "axial_torque": axial_torque,
     "lagrange_top": lagrange_top,

@@ -37,6 +37,7 @@ BASES = {"CollocationOutcome", "ForceModel", "Shape", "Surface"}
 
 LAW = contact.CompliantLaw(1e4 / 3.0, 20.0 / 3.0)
 PLANE = contact.HalfSpace((0.1, 0.2, -0.3), (0.3, -0.1, 0.9))
+ORBIT = somersault.forces.Orbit(2e7 / 3, 0.1, 0.2, 1 / 7, 0.4, 0.5)
 BODY = somersault.RigidBody(2.0 / 3.0, (0.5 / 3.0, 0.9 / 3.0, 1.0 / 3.0))
 STATE = somersault.State((0.3, -0.2, 0.5), (0.1, -0.3, 0.5, 0.8), (0.4, 0.1, -0.7), (1.1, -0.6, 0.9))
 DIVER = multibody.diver_planar()
@@ -267,6 +268,16 @@ MADE: dict[str, Callable[[], Any]] = {
     "MethodInfo": lambda: integrators.method("rkmk8_b"),
     "MethodTable": integrators.methods,
     "FreeBody": lambda: somersault.exact.FreeBody(BODY, STATE),
+    "Gyrostat": lambda: somersault.exact.Gyrostat(BODY, (1 / 3, 0.2, 1 / 7), STATE),
+    "Stepper": lambda: somersault.Stepper(BODY, STATE, 0.0, 1.0),
+    "Orbit": lambda: ORBIT,
+    "GravityGradient": lambda: forces.GravityGradient(ORBIT),
+    "MagneticDipole": lambda: forces.MagneticDipole((1 / 3, 0.2, 1 / 7), (0.0, 0.0, 7.8e15), ORBIT),
+    "Plate": lambda: forces.Plate(1 / 3, (1 / 3, 0.2, 1 / 7), (0.1, 0.2, 0.3), 1 / 3, 1 / 7),
+    "AerodynamicDrag": lambda: forces.AerodynamicDrag(ORBIT, [forces.Plate(1.0, (0, 0, 1))] * 20, 1e-12 / 3),
+    "SolarPressure": lambda: forces.SolarPressure((1 / 3, 0.2, 1 / 7), [forces.Plate(1.0, (0, 0, 1))] * 20),
+    "ReactionWheels": lambda: forces.ReactionWheels(np.eye(3), 1 / 3),
+    "ControlMomentGyros": lambda: forces.ControlMomentGyros([(0, 0, 1)], [(1, 0, 0)], 1 / 3),
     "Drag": lambda: forces.Drag(1 / 3, 2 / 3, 1 / 7),
     "Force": lambda: forces.Force((1 / 3, 2 / 3, 1 / 7), (0.1, 0.2, 0.3)),
     "Gravitation": forces.Gravitation,

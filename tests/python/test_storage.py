@@ -47,6 +47,7 @@ def test_everything_that_can_be_pickled_can_be_saved(
         contact.CompliantLaw(1e4, 3.0),
         contact.CoulombFriction(0.3, 1e4, 2.0),
         exact.FreeBody(body, state),
+        exact.Gyrostat(body, (0.1, 0.2, 0.3), state),
         somersault.methods()["rkmk"],
         somersault.batch.integrate_batch([body, body], [state, state], (0.0, 0.1), 0.01),
     ]
@@ -68,6 +69,10 @@ def test_what_acts_on_bodies_can_be_saved(tmp_path: Path) -> None:
         contact.SphericalSurface((0.1, 0.2, 0.3), 2.0, "outside"),
         contact.CylindricalSurface((0.1, 0.2, 0.3), (1.0, 2.0, 3.0), 0.5),
     ]
+    orbit, plate = (
+        forces.Orbit(7e6, 0.1, 0.2, 0.3, 0.4, 0.5),
+        forces.Plate(2.0, (0, 0, 1), (0.1, 0.2, 0.3), 0.2, 0.3),
+    )
     things = [
         forces.Gravity((0.0, -9.0, 0.1)),
         forces.Spring(3.0, (1.0, 2.0, 3.0), (0.1, 0.2, 0.3), damping=0.2, rest_length=0.7),
@@ -75,6 +80,15 @@ def test_what_acts_on_bodies_can_be_saved(tmp_path: Path) -> None:
         forces.Torque((1.0, 2.0, 3.0), "body"),
         forces.Force((1.0, 2.0, 3.0), (0.1, 0.2, 0.3)),
         forces.Gravitation(2.0),
+        orbit,
+        forces.GravityGradient(orbit),
+        forces.MagneticDipole((1.0, 2.0, 3.0), (0.1, 0.2, 0.3)),
+        forces.MagneticDipole((1.0, 2.0, 3.0), (0.1, 0.2, 0.3), orbit),
+        plate,
+        forces.AerodynamicDrag(orbit, [plate, plate], 1e-12),
+        forces.SolarPressure((0.0, 0.0, 1.0), plate),
+        forces.ReactionWheels(np.eye(3), 0.01, 0.3, [[0.1, 0.2, 0.3], [0.0, 0.1, 0.0]], [0.5, 2.0]),
+        forces.ControlMomentGyros([(0, 0, 1)], [(1, 0, 0)], 0.5, 0.1, 0.2),
         *surfaces,
         *(contact.Contact((0.0, 0.1, 0.2), surface, law, friction=slides) for surface in surfaces),
         contact.Contact.ball((0.0, 0.1, 0.2), 0.3, surfaces[1], law, friction=rolls, resistance=resistance),

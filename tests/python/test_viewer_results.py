@@ -201,11 +201,12 @@ SHOWN: dict[str, Callable[[pytest.FixtureRequest, Path], Any]] = {
 }
 
 #: With `t`, or with `t` and `q`.
-ARGUMENTS = {"Model", "Robot", "RigidBody", "FreeBody"}
+ARGUMENTS = {"Model", "Robot", "RigidBody", "FreeBody", "Gyrostat"}
 
 #: Classes that are no results, or hold no motion of bodies.
 WITHOUT = {
     "Advice",
+    "AerodynamicDrag",
     "Band",
     "Baseline",
     "Box",
@@ -214,6 +215,7 @@ WITHOUT = {
     "CompliantLaw",
     "Constraint",
     "Contact",
+    "ControlMomentGyros",
     "ControlProblem",
     "Convergence",
     "Correlation",
@@ -243,6 +245,7 @@ WITHOUT = {
     "Geometry",
     "Gravitation",
     "Gravity",
+    "GravityGradient",
     "GroupComparison",
     "HalfSpace",
     "HuntCrossley",
@@ -251,6 +254,7 @@ WITHOUT = {
     "LinkPair",
     "Loft",
     "LyapunovSpectrum",
+    "MagneticDipole",
     "MarkerSet",
     "Matching",
     "Mesh",
@@ -258,14 +262,17 @@ WITHOUT = {
     "MethodTable",
     "MinimizeResult",
     "MultiphaseProblem",
+    "Orbit",
     "Pca",
     "Perturbation",
     "Phase",
     "Placement",
+    "Plate",
     "Platform",
     "PolishResult",
     "Problem",
     "Projection",
+    "ReactionWheels",
     "RegularisedFriction",
     "Repair",
     "Resistance",
@@ -281,6 +288,7 @@ WITHOUT = {
     "Shape",
     "Skeleton",
     "SkeletonJoint",
+    "SolarPressure",
     "SolutionSensitivity",
     "Spectrum",
     "Sphere",
@@ -290,6 +298,7 @@ WITHOUT = {
     "Splitting",
     "Spring",
     "StabilityRegion",
+    "Stepper",
     "Subspace",
     "Surface",
     "SurfaceFunction",

@@ -1,5 +1,7 @@
 //! Checks of arguments, and what a failed one says.
 
+use nalgebra::Vector3;
+
 /// An argument that is not allowed.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -100,6 +102,13 @@ pub fn expect_positive(argument: &'static str, found: f64) -> Result<f64, Argume
     } else {
         Err(ArgumentError::NotPositive { argument, found })
     }
+}
+
+/// The unit vector along one of any length; one of length 1 within rounding stays as it is.
+pub fn expect_direction(argument: &'static str, vector: Vector3<f64>) -> Result<Vector3<f64>, ArgumentError> {
+    let length = expect_positive(argument, vector.norm())?;
+    let is_unit = (length - 1.0).abs() <= 2.0 * f64::EPSILON;
+    Ok(if is_unit { vector } else { vector / length })
 }
 
 /// The number, if it is zero or above and finite.

@@ -155,7 +155,7 @@ impl FreeBody {
 }
 
 /// R⁻¹ v for the rotation R of a quaternion of any norm but zero, to about 30 digits.
-fn rotate_back(q: &UnitQuaternion<f64>, v: [DoubleDouble; 3]) -> [DoubleDouble; 3] {
+pub(crate) fn rotate_back(q: &UnitQuaternion<f64>, v: [DoubleDouble; 3]) -> [DoubleDouble; 3] {
     let (w, x, y, z) = (q.w, q.i, q.j, q.k);
     if x == 0.0 && y == 0.0 && z == 0.0 {
         return v;
@@ -241,7 +241,7 @@ impl FreeRotation {
 }
 
 /// The power of two that leads the largest component; 1 for zero.
-fn leading_bit(v: &Vector3<f64>) -> f64 {
+pub(crate) fn leading_bit(v: &Vector3<f64>) -> f64 {
     let largest = v.amax();
     if largest == 0.0 {
         1.0
@@ -252,7 +252,7 @@ fn leading_bit(v: &Vector3<f64>) -> f64 {
 
 /// ω is constant: spheres, symmetric bodies about an axis of their plane of symmetry, and principal axes.
 #[derive(Clone, Copy, Debug)]
-struct Steady {
+pub(crate) struct Steady {
     angular_velocity_body: Vector3<f64>,
     axis: Vector3<f64>,
     /// |ω|⁄4π.
@@ -260,7 +260,11 @@ struct Steady {
 }
 
 impl Steady {
-    fn new(angular_velocity_body: &Vector3<f64>, rates: &[DoubleDouble; 3], rate_unit: f64) -> Self {
+    pub(crate) fn new(
+        angular_velocity_body: &Vector3<f64>,
+        rates: &[DoubleDouble; 3],
+        rate_unit: f64,
+    ) -> Self {
         let square = |i: usize| rates[i] * rates[i];
         let speed = (square(0) + square(1) + square(2)).sqrt();
         Self {
@@ -274,7 +278,7 @@ impl Steady {
         }
     }
 
-    fn at(&self, t: f64) -> (Quaternion<f64>, Vector3<f64>) {
+    pub(crate) fn at(&self, t: f64) -> (Quaternion<f64>, Vector3<f64>) {
         let (s, c) = (TAU * self.half_turns.fraction_of_turns(t)).sin_cos();
         (Quaternion::from_parts(c, self.axis * s), self.angular_velocity_body)
     }

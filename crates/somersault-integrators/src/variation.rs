@@ -277,7 +277,12 @@ pub(crate) fn central_difference(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::force::{ConstantForce, ConstantTorque, Drag, ForceModel, Gravity, Spring};
+    use crate::force::{ConstantForce, ConstantTorque, Drag, ForceModel, Gravity, Reach, Spring};
+    use crate::orbit::{Elements, Orbit};
+    use crate::rotors::{
+        ControlMomentGyro, ControlMomentGyros, LinearSchedule, ReactionWheel, ReactionWheels, Rotors,
+    };
+    use crate::satellite::{AerodynamicDrag, Field, GravityGradient, MagneticDipole, Plate, SolarPressure};
     use crate::system::world_acceleration;
     use nalgebra::Vector3;
 
@@ -307,7 +312,12 @@ mod tests {
             damping: 0.7,
             rest_length: 0.5,
         };
-        let forces: [Box<dyn ForceModel>; 7] = [
+        let orbit = Orbit::try_new(Elements { eccentricity: 0.3, ..Elements::circle(5.0, 1.5) }).unwrap();
+        let (axis, across) = (Vector3::new(0.6, 0.8, 0.0), Vector3::z());
+        let plate = Plate::try_new(2.0, axis, across, 0.2, 0.3).unwrap();
+        let wheel = ReactionWheel::try_new(axis, 0.1, 0.7, LinearSchedule::constant(0.0)).unwrap();
+        let gyro = ControlMomentGyro::try_new(axis, across, 0.8, 0.3, LinearSchedule::constant(0.4)).unwrap();
+        let forces: [Box<dyn ForceModel>; 14] = [
             Box::new(()),
             Box::new(Gravity::earth()),
             Box::new(spring),
@@ -318,7 +328,15 @@ mod tests {
                 force: Vector3::new(1.0, 2.0, 3.0),
                 point: Vector3::new(0.3, 0.1, 0.2),
             }),
+            Box::new(GravityGradient { orbit }),
+            Box::new(MagneticDipole { moment: axis, field: Field::Uniform(Vector3::new(1.0, 2.0, 3.0)) }),
+            Box::new(MagneticDipole { moment: axis, field: Field::Dipole { orbit, strength: across } }),
+            Box::new(AerodynamicDrag::try_new(orbit, vec![plate], 0.3, 2.2).unwrap()),
+            Box::new(SolarPressure::try_new(-across, vec![plate], 0.7).unwrap()),
+            Box::new(Rotors(ReactionWheels(vec![wheel]))),
+            Box::new(Rotors(ControlMomentGyros(vec![gyro]))),
         ];
+        let reach = Reach { position: *x.position(), displacement: 0.0, speed: 1.4, spin: 2.5 };
         for (i, force) in forces.iter().enumerate() {
             let difference = central_difference(&x, &along, |moved| force.wrench(0.0, &body, moved));
             let error = force.wrench_variation(0.0, &body, &x, &along) - difference;
@@ -326,6 +344,8 @@ mod tests {
             let heavier = RigidBody::try_new(2.7, *body.inertia()).unwrap();
             let change = force.wrench(0.0, &heavier, &x) - force.wrench(0.0, &body, &x);
             assert!((force.mass_derivative(0.0, &body, &x) - change).force.norm() < 1e-12, "{i}");
+            let (wrench, bound) = (force.wrench(0.0, &body, &x), force.bound(&body, &reach).unwrap());
+            assert!(wrench.force.norm() <= bound.force && wrench.torque.norm() <= bound.torque, "{i}");
         }
         // A closure has neither in closed form.
         let closure = |_: f64, body: &RigidBody, x: &RigidBodyState| Wrench {

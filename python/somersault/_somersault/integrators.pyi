@@ -16,6 +16,7 @@ __all__ = [
     "RigidBody",
     "Solution",
     "State",
+    "Stepper",
     "Trajectory",
     "integrate",
     "method",
@@ -129,6 +130,53 @@ class MethodTable:
     def __contains__(self, name: object, /) -> bool: ...
     def __getitem__(self, key: int | str, /) -> MethodInfo: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class Stepper:
+    def __new__(
+        cls,
+        body: RigidBody | Sequence[RigidBody],
+        state: State | Sequence[State],
+        t0: float,
+        t_bound: float,
+        *,
+        dt: float | None = None,
+        method: _AnyMethod | None = None,
+        forces: _AnyForce
+        | Sequence[_AnyForce]
+        | Sequence[_AnyForce | Sequence[_AnyForce] | None]
+        | None = None,
+        interaction: Gravitation | Callable[[float, list[State]], _Wrench] | None = None,
+        rtol: float | None = None,
+        atol: float | None = None,
+        max_step: float | None = None,
+        first_step: float | None = None,
+        max_steps: int | None = None,
+        start_up: Literal["one_step", "ladder"] = "one_step",
+    ) -> Stepper: ...
+    @property
+    def t(self) -> float: ...
+    @property
+    def t_old(self) -> float | None: ...
+    @property
+    def t_bound(self) -> float: ...
+    @property
+    def step_size(self) -> float | None: ...
+    # A list of states for several bodies, which a type cannot tell from here.
+    @property
+    def state(self) -> Any: ...
+    @property
+    def status(self) -> Literal["running", "finished", "failed"]: ...
+    @property
+    def n_steps(self) -> int: ...
+    def step(self) -> None: ...
+    def dense_output(self) -> DenseOutput: ...
+    def set_state(self, state: State | Sequence[State]) -> None: ...
+    def set_forces(
+        self,
+        forces: _AnyForce | Sequence[_AnyForce] | Sequence[_AnyForce | Sequence[_AnyForce] | None] | None,
+    ) -> None: ...
+    def __reduce__(self) -> NoReturn: ...
 
 @disjoint_base
 class Trajectory:

@@ -124,7 +124,9 @@ class _Somersault(_Engine):
     def can(self, scene: ExamScene) -> bool | str:
         if scene.by_modes_only:
             return _BY_MODES
-        if self.info.scope == "torque-free" and (scene.contacts or scene.pivot or any(scene.torque)):
+        if self.info.scope == "torque-free" and (
+            scene.contacts or scene.pivot or any(scene.torque) or any(scene.rotors)
+        ):
             return "the method is for bodies without torque"
         if any(touch.law == "hunt_crossley" for touch in scene.contacts):
             return "its law of Hunt and Crossley is another one, with the power 3/2 of Hertz"
@@ -179,6 +181,8 @@ class _Somersault(_Engine):
         weight = mass * np.array(scene.gravity)
         if any(scene.torque):
             acting.append(forces.Torque(scene.torque, frame="body"))
+        if any(scene.rotors):
+            acting.append(forces.ReactionWheels([scene.rotors], 0.0, float(np.linalg.norm(scene.rotors))))
         if scene.pivot is not None:
             # the weight at the centre of mass, and its opposite at the fixed point
             acting += [forces.Force(weight, point=scene.pivot), forces.Force(-weight)]
@@ -370,6 +374,8 @@ class _MuJoCo(_Engine):
         super().__init__(f"mujoco:{self.integrator}", "mujoco")
 
     def can(self, scene: ExamScene) -> bool | str:
+        if any(scene.rotors):
+            return "rotors are not stated by this adapter"
         return _BY_MODES if scene.by_modes_only else True
 
     def default(self, scene: ExamScene) -> float:
@@ -512,7 +518,8 @@ class _Pinocchio(_Engine):
 
         def slope(t: float, y: Array) -> list[float]:
             q, spin = y[3:7], y[10:]
-            turning = pin.aba(model, data, q / np.linalg.norm(q), spin, torque)
+            acting = torque + np.cross(scene.rotors, spin)
+            turning = pin.aba(model, data, q / np.linalg.norm(q), spin, acting)
             # the kinematics are those of the scene
             rest: list[float] = scene.rate(scene.first, t, y)
             return [*rest[:10], *turning]
@@ -542,8 +549,8 @@ class _Drake(_Engine):
     def can(self, scene: ExamScene) -> bool | str:
         if scene.by_modes_only:
             return _BY_MODES
-        if scene.pivot is not None or any(scene.torque) or scene.spring:
-            return "fixed points, torques in body axes and springs are not stated by this adapter"
+        if scene.pivot is not None or any(scene.torque) or any(scene.rotors) or scene.spring:
+            return "fixed points, torques in body axes, rotors and springs are not stated by this adapter"
         if any(touch.radius == 0.0 and touch.friction for touch in scene.contacts):
             return "a point that slides without turning is not stated by this adapter"
         return True

@@ -144,6 +144,8 @@ class ExamScene:
         Acceleration, m/s².
     torque : tuple of float
         Constant torque in body axes, N m.
+    rotors : tuple of float
+        Angular momentum of rotors relative to the body, constant in body axes, N m s.
     pivot : tuple of float or None
         From the fixed point to the centre of mass, in body axes, m.
     spring : float
@@ -192,6 +194,7 @@ class ExamScene:
     direction: Array
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     torque: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rotors: tuple[float, float, float] = (0.0, 0.0, 0.0)
     pivot: tuple[float, float, float] | None = None
     spring: float = 0.0
     contacts: tuple[SceneContact, ...] = ()
@@ -462,6 +465,11 @@ def _constant(force: Numbers = (0.0, 0.0, 0.0), torque: Numbers = (0.0, 0.0, 0.0
     return lambda t, y: [(force, torque)]
 
 
+def _carrying(rotors: Sequence[float]) -> Callable[[Any, Numbers], Wrenches]:
+    """The torque of rotors with this angular momentum, h × ω."""
+    return lambda t, y: [((0.0, 0.0, 0.0), _cross(rotors, y[10:13]))]
+
+
 def _turning_energy(moments: Sequence[float], y: Array) -> Array:
     return np.asarray(0.5 * np.sum(np.asarray(moments) * y[..., 10:13] ** 2))
 
@@ -471,10 +479,12 @@ def _world(y: Array, vector: Array) -> Array:
     return np.array(_to_world(y, vector))
 
 
-def _free_invariants(moments: Sequence[float]) -> dict[str, Callable[[Array], Array]]:
+def _free_invariants(
+    moments: Sequence[float], rotors: Sequence[float]
+) -> dict[str, Callable[[Array], Array]]:
     return {
         "energy": lambda y: _turning_energy(moments, y),
-        "angular momentum": lambda y: _world(y[0], np.asarray(moments) * y[0, 10:]),
+        "angular momentum": lambda y: _world(y[0], np.asarray(moments) * y[0, 10:] + np.asarray(rotors)),
     }
 
 
@@ -502,6 +512,7 @@ def _turning(
     step: float,
     *,
     torque: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    rotors: tuple[float, float, float] = (0.0, 0.0, 0.0),
     parameter: str = "angular velocity about the first axis, rad/s",
     direction: int = 9,
 ) -> ExamScene:
@@ -511,18 +522,19 @@ def _turning(
         title,
         "rotation",
         asks,
-        _EULER.format("" if free else " + M"),
+        _EULER.format(" + h × ω" if any(rotors) else "" if free else " + M"),
         source,
         (RigidBody(1.0, moments),),
         _frozen(np.array([_state(spin=spin)])),
         duration,
         step,
-        {"free": SceneMode("free", _constant(torque=torque))},
+        {"free": SceneMode("free", _carrying(rotors) if any(rotors) else _constant(torque=torque))},
         "free",
         parameter,
         _along(direction),
         torque=torque,
-        invariants=_free_invariants(moments) if free else {},
+        rotors=rotors,
+        invariants=_free_invariants(moments, rotors) if free else {},
     )
 
 
@@ -635,6 +647,17 @@ def _rotations() -> list[ExamScene]:
             (0.75, 0.0, 1.0),
             8.0,
             0.05,
+        ),
+        _turning(
+            "gyrostat",
+            "a free body with a rotor",
+            "a torque that depends on the angular velocity and does no work",
+            "elliptic functions of a pendulum in libration, and a quadrature for the angle about L",
+            (1.0, 2.0, 2.5),
+            (0.3, 0.8, -0.4),
+            8.0,
+            0.05,
+            rotors=(0.5, -0.4, 1.0),
         ),
         _turning(
             "ball_torque",

@@ -55,9 +55,10 @@ def resolve(
         if t is None or q is None:
             raise InputError("`t` and `q` must be given beside a Model, a Robot or a RigidBody")
         return Subject(moving.model if isinstance(moving, Robot) else moving, t, q, v)
-    if isinstance(moving, exact.FreeBody):
+    if isinstance(moving, exact.FreeBody | exact.Gyrostat):
         if t is None or q is not None or v is not None:
-            raise InputError("`t` must be given beside a FreeBody, and `q` and `v` must not")
+            name = type(moving).__name__
+            raise InputError(f"`t` must be given beside a {name}, and `q` and `v` must not")
         return Subject(moving(numbers("t", t, (None,))))
     found = Subject(moving)
     while not isinstance(found.source, Source):

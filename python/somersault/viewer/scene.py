@@ -139,11 +139,11 @@ class Scene:
         Parameters
         ----------
         moving : object
-            What moves: a Model, a Robot or a RigidBody with `t` and `q`, a FreeBody with `t`, or a result
-            alone, which has both: a Solution, Trajectory or TreeSolution; a DiveSolution or LiteralDive; the
-            Report or the Motion of a problem, or the best of a search; what collocation or a search for an
-            extremal of a tree returns; a recording of markers or of a skeleton; a MotionFit; a
-            ReconstructedFlight, a WhatIf or a FlightAnalysis; a SyntheticDive.
+            What moves: a Model, a Robot or a RigidBody with `t` and `q`, a FreeBody or a Gyrostat with
+            `t`, or a result alone, which has both: a Solution, Trajectory or TreeSolution; a DiveSolution
+            or LiteralDive; the Report or the Motion of a problem, or the best of a search; what
+            collocation or a search for an extremal of a tree returns; a recording of markers or of a
+            skeleton; a MotionFit; a ReconstructedFlight, a WhatIf or a FlightAnalysis; a SyntheticDive.
             A Solution brings its surfaces too, and so does the TreeSolution of a tree in contact.
         t : array_like, shape (n,)
             Times, s, rising. Those of several motions are on one clock.

@@ -21,6 +21,7 @@
 //! Sastry, *A Mathematical Introduction to Robotic Manipulation* (1994), appendix A; Hairer, Lubich and Wanner, *Geometric
 //! Numerical Integration* (2006), section III.4.
 
+pub mod attitude;
 mod even;
 pub mod se2;
 pub mod se3;

@@ -11,7 +11,7 @@ use crate::core::convert::{
 use crate::core::error::Error;
 use crate::core::value::{brief, value};
 use crate::integrators::bodies::State;
-use crate::integrators::forces::Reader;
+use crate::integrators::forces::models::Reader;
 use pyo3::prelude::*;
 use pyo3::types::{PyTuple, PyType};
 use somersault::contact::bodies::{self, BodyContacts, BodySphere};

@@ -6,7 +6,7 @@ use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, value};
 use crate::integrators::bodies::{RigidBody, State};
 use crate::integrators::event::Event;
-use crate::integrators::forces::Reader;
+use crate::integrators::forces::models::Reader;
 use crate::integrators::integrate::stretched;
 use crate::integrators::methods;
 use crate::integrators::monitor::Monitor;

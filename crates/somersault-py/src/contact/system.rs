@@ -6,7 +6,7 @@ use crate::core::convert::{finite, vector};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, counted, digits};
 use crate::integrators::bodies::{RigidBody, State};
-use crate::integrators::forces::Gravity;
+use crate::integrators::forces::models::Gravity;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 use somersault::contact::contacts::BodyInContact;

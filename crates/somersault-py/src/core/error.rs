@@ -10,12 +10,14 @@ use somersault::contact::models::ModelError as ContactModelError;
 use somersault::contact::sensitivity::SensitivityError;
 use somersault::contact::surface::SurfaceFault;
 use somersault::core::InertiaError;
+use somersault::core::argument::ArgumentError;
 use somersault::dives::{DiveError, DiveJudgementError, DiveSearchError};
 use somersault::integrators::batch::BatchError;
 use somersault::integrators::body::BodyError;
 use somersault::integrators::driver::IntegrateError;
 use somersault::integrators::events::{Interruption, WatchError};
 use somersault::integrators::exact::FreeBodyError;
+use somersault::integrators::gyrostat::GyrostatError;
 use somersault::integrators::methods::{Method, UnknownMethod};
 use somersault::integrators::stepper::StepError;
 use somersault::integrators::studies::StudyError;
@@ -182,11 +184,13 @@ macro_rules! inputs {
 pub(crate) use inputs;
 
 inputs!(
+    ArgumentError,
     BodyError,
     ContactError,
     ContactModelError,
     CountMismatch,
     FreeBodyError,
+    GyrostatError,
     InertiaError,
     JointMotionError,
     ModelError,

@@ -4,7 +4,7 @@ use crate::core::callable::{Failure, check_callable};
 use crate::core::convert::{integer, integer_or_none, interval_of, with_shape};
 use crate::core::error::Error;
 use crate::core::waiting::returns_interrupted;
-use crate::integrators::forces::Reader;
+use crate::integrators::forces::models::Reader;
 use crate::integrators::located::InContact;
 use crate::integrators::methods;
 use crate::integrators::monitor::{Finish, Monitor, ProgressBar, Watch};
@@ -98,7 +98,7 @@ fn run<B: Bodies>(
 }
 
 /// Forces as they are, or those of reversed time.
-fn either_way(models: Vec<BoxedForce>, backwards: bool) -> Vec<BoxedForce> {
+pub(crate) fn either_way(models: Vec<BoxedForce>, backwards: bool) -> Vec<BoxedForce> {
     let turned =
         |model: BoxedForce| -> BoxedForce { if backwards { Box::new(TimeReversed(model)) } else { model } };
     models.into_iter().map(turned).collect()

@@ -12,6 +12,7 @@ pub(crate) mod monitor;
 pub(crate) mod plan;
 pub(crate) mod seen;
 pub(crate) mod solve;
+pub(crate) mod stepper;
 pub(crate) mod studies;
 pub(crate) mod trajectory;
 pub(crate) mod watching;
@@ -25,6 +26,8 @@ pub(crate) mod module {
     use crate::integrators::integrate::integrate;
     #[pymodule_export]
     use crate::integrators::methods::{MethodInfo, MethodTable, method, methods};
+    #[pymodule_export]
+    use crate::integrators::stepper::Stepper;
     #[pymodule_export]
     use crate::integrators::trajectory::{DenseOutput, Solution, Trajectory};
 }

@@ -62,6 +62,7 @@ pub(crate) fn kept(t_eval: Option<&Bound<'_, PyAny>>, every: i64) -> Result<(Opt
 }
 
 /// The arguments that choose the steps.
+#[derive(Clone, Copy)]
 pub(crate) struct StepArguments {
     pub(crate) dt: Option<f64>,
     pub(crate) rtol: Option<f64>,

@@ -1,7 +1,7 @@
 //! Configurations as Python sees them: states as objects, and curves between them.
 
 use crate::integrators::bodies::State;
-use crate::integrators::forces::states_list;
+use crate::integrators::forces::models::states_list;
 use pyo3::prelude::*;
 use somersault::integrators::augmented::Augmented;
 use somersault::integrators::dense::Interpolant;

@@ -5,7 +5,7 @@ use crate::integrators::event::Events;
 use crate::integrators::monitor::Monitor;
 use crate::integrators::plan::Plan;
 use crate::integrators::seen::Seen;
-use somersault::integrators::driver::{IntegrateError, Outcome, Status};
+use somersault::integrators::driver::{IntegrateError, Observer, Outcome, Status};
 use somersault::integrators::reversal::{Backwards, reversed};
 use somersault::integrators::run::{ByMethod, Engages};
 use somersault::integrators::state::State;
@@ -47,7 +47,7 @@ pub(crate) fn integrate<S: System>(
     system: &S,
     initial: &StateOf<S>,
     plan: &Plan,
-    observer: &mut Monitor<S::Configuration>,
+    observer: &mut dyn Observer<S::Configuration>,
 ) -> Result<Outcome<S::Configuration>, IntegrateError>
 where
     ByMethod: Engages<S>,

@@ -6,7 +6,7 @@ use crate::core::memory::{bytes_of_numbers, expect_room};
 use crate::core::value::{Pickled, by_restore, value};
 use crate::core::waiting::leave_on_signal;
 use crate::integrators::bodies::{RigidBody, State};
-use crate::integrators::forces::{Drag, Gravity, Models, Spring};
+use crate::integrators::forces::models::{Drag, Gravity, Models, Spring};
 use crate::integrators::methods;
 use crate::integrators::plan::start_up_of;
 use numpy::PyArray1;

@@ -7,7 +7,7 @@ use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, value};
 use crate::integrators::bodies::{RigidBody, State};
 use crate::integrators::event::{Event, Events};
-use crate::integrators::forces::Reader;
+use crate::integrators::forces::models::Reader;
 use crate::integrators::seen::{Curves, Seen};
 use crate::integrators::watching::EventsByFunction;
 use crate::multibody::model::Model;
@@ -186,7 +186,7 @@ impl Trajectory {
         Ok(made.bind(py).clone())
     }
 
-    fn state<'py>(&self, py: Python<'py>, i: usize) -> PyResult<Bound<'py, PyAny>> {
+    pub(crate) fn state<'py>(&self, py: Python<'py>, i: usize) -> PyResult<Bound<'py, PyAny>> {
         let n = self.cast.bodies.len();
         let states = &self.states[i * n..(i + 1) * n];
         if self.cast.single {
@@ -333,8 +333,8 @@ impl Trajectory {
 /// array([ 0.   ,  0.   , -0.307])
 #[pyclass(frozen, module = "somersault")]
 pub(crate) struct DenseOutput {
-    cast: Cast,
-    curves: Arc<Curves>,
+    pub(crate) cast: Cast,
+    pub(crate) curves: Arc<Curves>,
 }
 
 #[pymethods]

@@ -61,7 +61,7 @@ impl ForceModel {
 
 /// A model that a Python object and an integration own together.
 #[derive(Clone)]
-struct Shared(Arc<dyn force::ForceModel + Send + Sync>);
+pub(crate) struct Shared(Arc<dyn force::ForceModel + Send + Sync>);
 
 impl force::ForceModel for Shared {
     fn wrench(&self, t: f64, body: &body::RigidBody, x: &RigidBodyState) -> Wrench {
@@ -96,12 +96,13 @@ impl force::ForceModel for Shared {
     }
 }
 
-fn build<M, C>(model: M, wrap: impl FnOnce(M) -> C) -> PyClassInitializer<C>
+/// A model as an object of its class, which holds a copy of it.
+pub(crate) fn build<M, C>(model: M, wrap: impl FnOnce(M) -> C) -> PyClassInitializer<C>
 where
-    M: force::ForceModel + Copy + Send + Sync + 'static,
+    M: force::ForceModel + Clone + Send + Sync + 'static,
     C: pyo3::PyClass<BaseType = ForceModel>,
 {
-    PyClassInitializer::from(ForceModel(Shared(Arc::new(model)))).add_subclass(wrap(model))
+    PyClassInitializer::from(ForceModel(Shared(Arc::new(model.clone())))).add_subclass(wrap(model))
 }
 
 /// Uniform gravity: F = m g.
@@ -668,11 +669,4 @@ impl Interaction for CallableInteraction {
 /// The states of several bodies as a list of `State`.
 pub(crate) fn states_list<'py>(py: Python<'py>, x: &StateOf<Vec<Pose>>) -> PyResult<Bound<'py, PyList>> {
     PyList::new(py, (0..x.configuration.len()).filter_map(|i| x.body(i)).map(State))
-}
-
-/// What acts on bodies.
-#[pyo3::pymodule(name = "forces", module = "somersault._somersault", submodule)]
-pub(crate) mod module {
-    #[pymodule_export]
-    use crate::integrators::forces::{Drag, Force, ForceModel, Gravitation, Gravity, Spring, Torque};
 }

@@ -1,0 +1,371 @@
+//! Reaction wheels and control moment gyros.
+
+use crate::core::convert::{
+    any_vectors, array, check_finite, finite, numbers_or_one, real_numbers, times, with_shape,
+};
+use crate::core::error::Error;
+use crate::core::value::{Pickled, by_restore, counted};
+use crate::integrators::bodies::RigidBody;
+use crate::integrators::forces::models::{ForceModel, build};
+use pyo3::prelude::*;
+use pyo3::types::PyType;
+use somersault::integrators::nalgebra::Vector3;
+use somersault::integrators::rotors::{
+    self, ControlMomentGyro, LinearSchedule, ReactionWheel, RotorMomentum, Rotors,
+};
+
+/// Finite vectors, as many as there are.
+fn axes(argument: &str, value: &Bound<'_, PyAny>) -> Result<Vec<Vector3<f64>>, Error> {
+    let axes = any_vectors(argument, &[value.len().unwrap_or(0)], value)?;
+    check_finite(argument, axes.iter().flatten())?;
+    Ok(axes)
+}
+
+/// One number for each rotor, zero unless given.
+fn one_each(argument: &str, count: usize, value: Option<&Bound<'_, PyAny>>) -> Result<Vec<f64>, Error> {
+    value.map_or(Ok(vec![0.0; count]), |value| numbers_or_one(argument, count, value))
+}
+
+/// A schedule for each rotor: constant, or with a row of values for each of the times.
+fn schedules(
+    argument: &str,
+    count: usize,
+    values: Option<&Bound<'_, PyAny>>,
+    times: Option<&Bound<'_, PyAny>>,
+) -> Result<Vec<LinearSchedule>, Error> {
+    let Some(times) = times else {
+        let values = one_each(argument, count, values)?;
+        check_finite(argument, &values)?;
+        return Ok(values.into_iter().map(LinearSchedule::constant).collect());
+    };
+    let Some(values) = values else {
+        return Err(Error::input(format!("`times` are those of `{argument}`, which are not given")));
+    };
+    let times = real_numbers("times", times)?;
+    let rows = with_shape(argument, &[times.len(), count], values)?;
+    let column = |rotor: usize| rows.iter().skip(rotor).step_by(count).copied().collect();
+    (0..count)
+        .map(|rotor| {
+            let schedule = LinearSchedule::try_new(times.clone(), column(rotor));
+            schedule.map_err(|error| Error::from(error).with_names(&[("values", argument)]))
+        })
+        .collect()
+}
+
+/// The times and rows that a pickle holds of schedules.
+fn rows<'a>(schedules: impl Iterator<Item = &'a LinearSchedule> + Clone) -> (Vec<f64>, Vec<Vec<f64>>) {
+    let times = schedules.clone().next().map(|schedule| schedule.times().to_vec()).unwrap_or_default();
+    let row = |i: usize| schedules.clone().map(|schedule| schedule.values()[i]).collect();
+    let rows = (0..times.len()).map(row).collect();
+    (times, rows)
+}
+
+/// Numbers of several columns at one time, shape (n,), or at several, shape (times, n).
+fn columns_at<'py>(
+    t: &Bound<'py, PyAny>,
+    count: usize,
+    values: impl Fn(f64) -> Vec<f64>,
+) -> Result<Bound<'py, PyAny>, Error> {
+    let (scalar, times) = times("t", t)?;
+    for t in &times {
+        finite("t", *t)?;
+    }
+    let numbers: Vec<_> = times.iter().flat_map(|t| values(*t)).collect();
+    let shape: &[usize] = if scalar { &[count] } else { &[times.len(), count] };
+    Ok(array(t.py(), numbers, shape)?.into_any())
+}
+
+/// Reaction wheels: the torque of rotors that exchange angular momentum with the body.
+///
+/// With axes a_i, moments J_i about them, speeds Ω_i relative to the body and torques u_i of their motors, h_i = J_i (Ω_i + a_i·ω) obeys
+/// h_i′ = u_i, and (I − Σ J_i a_i a_iᵀ) ω′ = L × ω − Σ a_i u_i + M with L = I ω + Σ J_i Ω_i a_i, body frame. `carrier` gives the body of the
+/// inertia on the left, which is the one to integrate; R L is constant where there is no other torque, whatever the motors do.
+///
+/// Parameters
+/// ----------
+/// axes : array_like, shape (n, 3)
+///     a_i, body frame, of any length.
+/// inertias : float or array_like, shape (n,)
+///     J_i, kg m².
+/// momenta : float or array_like, shape (n,), optional
+///     h_i at t = 0, N m s.
+/// torques : float or array_like, shape (n,) or (k, n), optional
+///     u_i, N m: constant, or a row for each of `times`, linear between them and constant outside.
+/// times : array_like, shape (k,), optional
+///     Times of the rows of `torques`, increasing, s.
+///
+/// Notes
+/// -----
+/// A method keeps its order where its steps end at `times`; adapted steps become short there. Source: P. C. Hughes, Spacecraft Attitude
+/// Dynamics, Wiley 1986, §3.5.
+///
+/// Examples
+/// --------
+/// A wheel brought to speed turns a satellite:
+///
+/// >>> import somersault
+/// >>> satellite = somersault.RigidBody(12.0, (0.3, 0.2, 0.4))
+/// >>> wheels = somersault.forces.ReactionWheels([(0, 0, 1)], 1e-3, torques=[[0], [2e-3], [0]], times=[0, 5, 10])
+/// >>> motion = somersault.integrate(wheels.carrier(satellite), somersault.State(), (0.0, 10.0), dt=0.5, forces=wheels)
+/// >>> motion.angular_velocity_body[-1].round(6) + 0.0
+/// array([ 0.      ,  0.      , -0.025063])
+/// >>> wheels.momentum(10.0)
+/// array([0.  , 0.  , 0.01])
+#[pyclass(frozen, extends = ForceModel, module = "somersault.forces")]
+pub(crate) struct ReactionWheels(Rotors<rotors::ReactionWheels>);
+
+#[pymethods]
+impl ReactionWheels {
+    #[new]
+    #[pyo3(signature = (axes, inertias, momenta=None, torques=None, times=None))]
+    fn new(
+        axes: &Bound<'_, PyAny>,
+        inertias: &Bound<'_, PyAny>,
+        momenta: Option<&Bound<'_, PyAny>>,
+        torques: Option<&Bound<'_, PyAny>>,
+        times: Option<&Bound<'_, PyAny>>,
+    ) -> Result<PyClassInitializer<Self>, Error> {
+        let axes = self::axes("axes", axes)?;
+        let inertias = numbers_or_one("inertias", axes.len(), inertias)?;
+        let momenta = one_each("momenta", axes.len(), momenta)?;
+        let torques = schedules("torques", axes.len(), torques, times)?;
+        let names = [("axis", "axes"), ("inertia", "inertias"), ("momentum", "momenta")];
+        let wheels = (axes.into_iter().zip(inertias)).zip(momenta.into_iter().zip(torques));
+        let wheels = wheels.map(|((axis, inertia), (momentum, torque))| {
+            ReactionWheel::try_new(axis, inertia, momentum, torque)
+                .map_err(|error| Error::from(error).with_names(&names))
+        });
+        let wheels = rotors::ReactionWheels(wheels.collect::<Result<_, _>>()?);
+        Ok(build(Rotors(wheels), Self))
+    }
+
+    /// The body that the wheels act on, with the inertia I − Σ J a aᵀ.
+    ///
+    /// Parameters
+    /// ----------
+    /// body : RigidBody
+    ///     The body with its wheels.
+    ///
+    /// Raises
+    /// ------
+    /// InputError
+    ///     If the moments of the wheels are too large for the body.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import somersault
+    /// >>> wheels = somersault.forces.ReactionWheels([(1, 0, 0)], 0.05)
+    /// >>> wheels.carrier(somersault.RigidBody(12.0, (0.3, 0.2, 0.4))).inertia.diagonal()
+    /// array([0.25, 0.2 , 0.4 ])
+    fn carrier(&self, body: RigidBody) -> Result<RigidBody, Error> {
+        Ok(RigidBody(self.0.0.carrier(&body.0).map_err(|error| Error::from(error).within("body"))?))
+    }
+
+    /// Sum of the angular momenta of the wheels about their axes, H = Σ a_i h_i.
+    ///
+    /// Parameters
+    /// ----------
+    /// t : float or array_like, shape (m,)
+    ///     Time, s.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (3,) or (m, 3)
+    ///     H, body frame, N m s.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import somersault
+    /// >>> somersault.forces.ReactionWheels([(1, 0, 0)], 0.05, 0.2, torques=0.1).momentum(3.0)
+    /// array([0.5, 0. , 0. ])
+    fn momentum<'py>(&self, t: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
+        columns_at(t, 3, |t| self.0.0.momentum(t).0.as_slice().to_vec())
+    }
+
+    /// Angular momentum of each wheel about its axis, h_i; its speed is Ω_i = h_i/J_i − a_i·ω.
+    ///
+    /// Parameters
+    /// ----------
+    /// t : float or array_like, shape (m,)
+    ///     Time, s.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (n,) or (m, n)
+    ///     h_i, N m s.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import somersault
+    /// >>> somersault.forces.ReactionWheels([(1, 0, 0)], 0.05, 0.2, torques=0.1).wheel_momenta([0.0, 3.0])
+    /// array([[0.2],
+    ///        [0.5]])
+    fn wheel_momenta<'py>(&self, t: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
+        let wheels = &self.0.0.0;
+        columns_at(t, wheels.len(), |t| wheels.iter().map(|wheel| wheel.momentum(t)).collect())
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<ReactionWheels: {}>", counted(self.0.0.0.len(), "wheel", "wheels"))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
+        let wheels = &slf.get().0.0.0;
+        let axes: Vec<[f64; 3]> = wheels.iter().map(|wheel| (*wheel.axis()).into()).collect();
+        let inertias: Vec<_> = wheels.iter().map(ReactionWheel::inertia).collect();
+        let momenta: Vec<_> = wheels.iter().map(|wheel| wheel.momentum(0.0)).collect();
+        let (times, torques) = rows(wheels.iter().map(ReactionWheel::torque));
+        by_restore(slf, (axes, inertias, momenta, torques, times))
+    }
+
+    /// Pickled wheels.
+    #[classmethod]
+    fn _restore(
+        cls: &Bound<'_, PyType>,
+        axes: &Bound<'_, PyAny>,
+        inertias: &Bound<'_, PyAny>,
+        momenta: &Bound<'_, PyAny>,
+        torques: &Bound<'_, PyAny>,
+        times: &Bound<'_, PyAny>,
+    ) -> Result<Py<Self>, Error> {
+        Ok(Py::new(cls.py(), Self::new(axes, inertias, Some(momenta), Some(torques), Some(times))?)?)
+    }
+}
+
+/// Control moment gyros on single gimbals: rotors of constant angular momentum that are turned in the body.
+///
+/// With axes g_i of the gimbals, axes s_i of the rotors at the angle 0, angular momenta h_i of the rotors and angles γ_i,
+/// H = Σ h_i (s_i cos γ_i + (g_i × s_i) sin γ_i) and I ω′ = (I ω + H) × ω − H′ + M, body frame; the inertia of the gimbals is neglected.
+/// R (I ω + H) is constant where there is no other torque.
+///
+/// Parameters
+/// ----------
+/// gimbals : array_like, shape (n, 3)
+///     g_i, body frame, of any length.
+/// spins : array_like, shape (n, 3)
+///     s_i, perpendicular to g_i within 1e-9, body frame, of any length.
+/// momenta : float or array_like, shape (n,)
+///     h_i, N m s.
+/// angles : float or array_like, shape (n,), optional
+///     γ_i at t = 0, rad.
+/// rates : float or array_like, shape (n,) or (k, n), optional
+///     γ_i′, rad/s: constant, or a row for each of `times`, linear between them and constant outside.
+/// times : array_like, shape (k,), optional
+///     Times of the rows of `rates`, increasing, s.
+///
+/// Examples
+/// --------
+/// >>> import numpy as np
+/// >>> import somersault
+/// >>> gyro = somersault.forces.ControlMomentGyros([(0, 0, 1)], [(1, 0, 0)], 0.5, rates=0.1)
+/// >>> gyro.momentum(5 * np.pi).round(6) + 0.0
+/// array([0. , 0.5, 0. ])
+/// >>> satellite = somersault.RigidBody(12.0, (0.3, 0.2, 0.4))
+/// >>> turning = somersault.integrate(satellite, somersault.State(), (0.0, 1.0), dt=0.1, forces=gyro)
+#[pyclass(frozen, extends = ForceModel, module = "somersault.forces")]
+pub(crate) struct ControlMomentGyros(Rotors<rotors::ControlMomentGyros>);
+
+#[pymethods]
+impl ControlMomentGyros {
+    #[new]
+    #[pyo3(signature = (gimbals, spins, momenta, angles=None, rates=None, times=None))]
+    fn new(
+        gimbals: &Bound<'_, PyAny>,
+        spins: &Bound<'_, PyAny>,
+        momenta: &Bound<'_, PyAny>,
+        angles: Option<&Bound<'_, PyAny>>,
+        rates: Option<&Bound<'_, PyAny>>,
+        times: Option<&Bound<'_, PyAny>>,
+    ) -> Result<PyClassInitializer<Self>, Error> {
+        let gimbals = axes("gimbals", gimbals)?;
+        let count = gimbals.len();
+        let spins = any_vectors("spins", &[count], spins)?;
+        check_finite("spins", spins.iter().flatten())?;
+        let momenta = numbers_or_one("momenta", count, momenta)?;
+        let angles = one_each("angles", count, angles)?;
+        let rates = schedules("rates", count, rates, times)?;
+        let names = [("gimbal", "gimbals"), ("spin", "spins"), ("momentum", "momenta"), ("angle", "angles")];
+        let gyros = gimbals.into_iter().zip(spins).zip(momenta.into_iter().zip(angles)).zip(rates);
+        let gyros = gyros.map(|(((gimbal, spin), (momentum, angle)), rate)| {
+            ControlMomentGyro::try_new(gimbal, spin, momentum, angle, rate)
+                .map_err(|error| Error::from(error).with_names(&names))
+        });
+        let gyros = rotors::ControlMomentGyros(gyros.collect::<Result<_, _>>()?);
+        Ok(build(Rotors(gyros), Self))
+    }
+
+    /// Sum of the angular momenta of the rotors, H.
+    ///
+    /// Parameters
+    /// ----------
+    /// t : float or array_like, shape (m,)
+    ///     Time, s.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (3,) or (m, 3)
+    ///     H, body frame, N m s.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import somersault
+    /// >>> somersault.forces.ControlMomentGyros([(0, 0, 1)], [(1, 0, 0)], 0.5).momentum(0.0)
+    /// array([0.5, 0. , 0. ])
+    fn momentum<'py>(&self, t: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
+        columns_at(t, 3, |t| self.0.0.momentum(t).0.as_slice().to_vec())
+    }
+
+    /// Angles of the gimbals, γ_i.
+    ///
+    /// Parameters
+    /// ----------
+    /// t : float or array_like, shape (m,)
+    ///     Time, s.
+    ///
+    /// Returns
+    /// -------
+    /// ndarray, shape (n,) or (m, n)
+    ///     γ_i, rad.
+    ///
+    /// Examples
+    /// --------
+    /// >>> import somersault
+    /// >>> gyro = somersault.forces.ControlMomentGyros([(0, 0, 1)], [(1, 0, 0)], 0.5, 0.25, rates=0.1)
+    /// >>> gyro.gimbal_angles(5.0)
+    /// array([0.75])
+    fn gimbal_angles<'py>(&self, t: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
+        let gyros = &self.0.0.0;
+        columns_at(t, gyros.len(), |t| gyros.iter().map(|gyro| gyro.angle(t)).collect())
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<ControlMomentGyros: {}>", counted(self.0.0.0.len(), "gyro", "gyros"))
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
+        let gyros = &slf.get().0.0.0;
+        let vectors = |axis: fn(&ControlMomentGyro) -> &Vector3<f64>| -> Vec<[f64; 3]> {
+            gyros.iter().map(|gyro| (*axis(gyro)).into()).collect()
+        };
+        let momenta: Vec<_> = gyros.iter().map(ControlMomentGyro::momentum).collect();
+        let angles: Vec<_> = gyros.iter().map(|gyro| gyro.angle(0.0)).collect();
+        let (times, rates) = rows(gyros.iter().map(ControlMomentGyro::rate));
+        let axes = (vectors(ControlMomentGyro::gimbal), vectors(ControlMomentGyro::spin));
+        by_restore(slf, (axes.0, axes.1, momenta, angles, rates, times))
+    }
+
+    /// Pickled gyros.
+    #[classmethod]
+    fn _restore(
+        cls: &Bound<'_, PyType>,
+        gimbals: &Bound<'_, PyAny>,
+        spins: &Bound<'_, PyAny>,
+        momenta: &Bound<'_, PyAny>,
+        angles: &Bound<'_, PyAny>,
+        rates: &Bound<'_, PyAny>,
+        times: &Bound<'_, PyAny>,
+    ) -> Result<Py<Self>, Error> {
+        let gyros = Self::new(gimbals, spins, momenta, Some(angles), Some(rates), Some(times))?;
+        Ok(Py::new(cls.py(), gyros)?)
+    }
+}
