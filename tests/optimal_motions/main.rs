@@ -6,7 +6,6 @@ mod gradients;
 mod optima;
 mod orders;
 #[path = "../../crates/somersault-ocp/src/swing_up/sine.rs"]
-#[expect(dead_code, reason = "a file of the library with tests of what is no public name")]
 mod sine;
 mod swing_up;
 mod systems;

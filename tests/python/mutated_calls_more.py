@@ -413,7 +413,7 @@ traced_result = traced.solve([], 1e-3, 4, 3, 2, 20, 1000, None, None, "raise")
 traced.sensitivity(traced_result)
 traced.polish(traced_result, 100, 1.0)
 traced.search(2, 1, 1e-3, 4, 3, 2, 20, 1000, 1.0, "raise", "auto")
-TracedProblem.solve_all([traced], [[]], 1e-3, 4, 3, 2, 20, 1000, 1.0, "raise")
+TracedProblem.solve_all([traced], [[]], 1e-3, 4, 3, 2, 20, 1000, 1.0, "raise", "auto")
 traced.solve(traced_result, 1e-3, None, None, 2, 20, 1000, None, None, "raise")
 TracedProblem(
     [phase, phase], [[(0.0, 0.0), (1.0, 1.0)], [(1.0, 1.0), (2.0, 2.0)]], [(0, 1, "time", 0, 0, (0.0, 0.0))]
