@@ -351,8 +351,8 @@ class ControlProblem:
         max_evaluations : int, optional
             Of cost and constraints, on all meshes together.
         max_time : float, optional
-            s, of the whole solve. It ends a factorisation or an evaluation later: within a tenth of a second
-            where a program has some thousand variables.
+            s, of the whole solve. What is under way is finished first, such as a factorisation or the set-up
+            of a quadratic program: that takes up to a second where a program has thousands of rows.
         callback : callable, optional
             ``callback(iteration, z, cost, residual)`` after each step of the solver; the search stops where
             it returns true.

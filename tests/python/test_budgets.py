@@ -273,7 +273,7 @@ class TestLimitsOfTimeThatEndLongWork:
             path=[(lambda x, u: u.force, -5, 5), (lambda x, u: 2 * u.force, -10, 10)],
             running_cost=lambda x, u: 0.5 * u.force**2,
         )
-        found, took = seconds(lambda: problem.solve(method="shooting", max_time=1.5))
-        assert found.status in ("time_limit", "converged") and took < 1.5 + SLACK
+        found, took = seconds(lambda: problem.solve(method="shooting", max_time=0.5))
+        assert found.status in ("time_limit", "converged") and took < 0.5 + SLACK
         by_points = problem.solve(method="collocation")
         assert by_points.success and by_points.cost == pytest.approx(6.0450, rel=1e-4)

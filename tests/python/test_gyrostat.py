@@ -118,6 +118,15 @@ def test_near_a_separatrix_it_is_right_or_refuses() -> None:
     assert refused < 3
 
 
+@pytest.mark.parametrize("size", [1e-59, 1e-30, 1e30, 1e59])
+def test_the_motion_is_the_same_in_all_units_of_time(body: RigidBody, size: float) -> None:
+    rotors, velocity = np.array([0.3, -1.1, 0.7]), np.array([0.4, 0.9, -0.2])
+    one = Gyrostat(body, rotors, State(angular_velocity=velocity))(3.0)
+    other = Gyrostat(body, rotors * size, State(angular_velocity=velocity * size))(3.0 / size)
+    np.testing.assert_allclose(other.quaternion, one.quaternion, atol=1e-13)
+    np.testing.assert_allclose(other.angular_velocity / size, one.angular_velocity, atol=1e-13)
+
+
 def test_arguments_are_checked_and_pickles_are_equal(body: RigidBody, state: State) -> None:
     with pytest.raises(somersault.InputError, match="`rotors` must be"):
         Gyrostat(body, (0.0, np.nan, 0.0), state)
@@ -125,6 +134,9 @@ def test_arguments_are_checked_and_pickles_are_equal(body: RigidBody, state: Sta
         Gyrostat(body, (0.0, 1.0), state)
     with pytest.raises(somersault.InputError, match="`t0` must be finite"):
         Gyrostat(body, (0.0, 1.0, 0.0), state, np.inf)
+    for size in (1e61, 1e200, 1e308):
+        with pytest.raises(somersault.InputError, match="angular momentum from 1e-60 to 1e60"):
+            Gyrostat(body, (size, size, 0.0), state)
     gyrostat = Gyrostat(body, (0.0, 1.0, 0.0), state, 0.5)
     with pytest.raises(somersault.InputError, match="not finite"):
         gyrostat([0.0, np.nan])

@@ -79,7 +79,7 @@ use std::f64::consts::{PI, TAU};
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum GyrostatError {
-    /// The angular momentum of the rotors is not finite.
+    /// The angular momentum of the rotors is not finite, or the total one is too small or too large for numbers.
     #[error(transparent)]
     Argument(#[from] ArgumentError),
     /// The initial state, the time or the state there is not finite.
@@ -96,6 +96,10 @@ pub enum GyrostatError {
         allowed: f64,
     },
 }
+
+/// Sizes of the angular momentum, N m s.
+const LEAST: f64 = 1e-60;
+const MOST: f64 = 1e60;
 
 /// The largest residual of a motion.
 const ALLOWED: f64 = 1e-9;
@@ -166,6 +170,12 @@ impl Gyrostat {
         }
         if !state.is_finite() {
             return Err(FreeBodyError::NonFiniteState.into());
+        }
+        // its fourth powers and their inverses are numbers
+        let size = angular_momentum.norm();
+        if !(LEAST..=MOST).contains(&size) && size != 0.0 {
+            let allowed = "of a total angular momentum from 1e-60 to 1e60 N m s, or of none";
+            return Err(ArgumentError::OutOfRange { argument: "rotors", allowed, found: size }.into());
         }
         let inertia = body.inertia();
         let axes = inertia.principal_axes();
