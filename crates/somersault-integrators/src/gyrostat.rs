@@ -129,7 +129,7 @@ pub struct Gyrostat {
 }
 
 #[derive(Clone, Debug)]
-#[allow(clippy::large_enum_variant)] // one motion is kept and asked many times
+#[expect(clippy::large_enum_variant, reason = "one motion is kept and asked many times")]
 enum Motion {
     Free(FreeBody),
     Carrying(Carrying),
@@ -148,7 +148,7 @@ struct Carrying {
 }
 
 #[derive(Clone, Debug)]
-#[allow(clippy::large_enum_variant)]
+#[expect(clippy::large_enum_variant, reason = "one motion is kept and asked many times")]
 enum Rotation {
     Steady(Steady),
     Turning(Turning),
