@@ -32,6 +32,7 @@ ANIMATIONS = frozenset(
         "fit",
         "backflip",
         "recorded",
+        "advice",
         "swing_up_motion",
         "arm_motion",
         "arm_stages",

@@ -226,6 +226,7 @@ def _synthetic(page: Page, measurements: Measurements) -> None:
     scene.add(fits[name], label="fitted diver", panel=1)
     frame(page, scene, "recorded", "The over-rotated flight, and the diver fitted to its markers.")
     _flight(page)
+    _advice(page)
 
 
 def _pike() -> tuple[motion.MarkerSet, motion.MarkerRecording, multibody.TreeSolution]:
@@ -315,6 +316,53 @@ def _flight(page: Page) -> None:
         [[words(name), *(number(float(x), 3) for x in values)] for name, *values in rows],
         f"The search says: {flight.message}. Noise found: {1e3 * flight.noise[0]:.1f} mm.",
     )
+
+
+def _late() -> tuple[motion.MarkerSet, motion.MarkerRecording]:
+    """Joint centres of a planar diver who holds the pike of one and a half somersaults for too long."""
+    diver = multibody.diver_planar(mass=62.0, height=1.66)
+    straight, pike = diver.configuration("A")[3:], diver.configuration("H")[3:]
+
+    def smooth(x: float) -> tuple[float, float]:
+        x = float(np.clip(x, 0.0, 1.0))
+        return x**3 * (10 - 15 * x + 6 * x**2), 30 * (x * (1 - x)) ** 2
+
+    def fold(t: float) -> tuple[Array, Array]:
+        (bent, bends), (opened, opens) = smooth((t - 0.1) / 0.3), smooth((t - 1.05) / 0.25)
+        rate = bends / 0.3 * (1 - opened) - bent * opens / 0.25
+        return straight + bent * (1 - opened) * (pike - straight), rate * (pike - straight)
+
+    v = np.zeros(diver.model.n_velocities)
+    v[:3] = 1.0, 4.8, -3.1
+    start = np.r_[0.0, 3.0, -0.1, straight]
+    true = multibody.fly(diver.model, start, v, fold, (0.0, 1.4), dt=0.01)
+    markers = motion.MarkerSet.joint_centres(diver.model)
+    placed = motion.place_markers(markers, true.t, true.q)
+    noise = np.random.default_rng(2).normal(0.0, 2 * _NOISE, placed.points.shape)
+    return markers, motion.MarkerRecording(placed.names, true.t, placed.points + noise)
+
+
+def _advice(page: Page) -> None:
+    """What a recorded dive lacked, and what would have been."""
+    markers, recording = _late()
+    found = motion.analyse(recording, markers, facing="water", half_somersaults=3, interval=(0.0, 1.4))
+    assert found.advice is not None
+    first = found.advice.advice[0]
+    page.section("Advice for a dive")
+    page.text(
+        "<code>somersault analyse dive.trc --diver me.toml --out page.html</code> reconstructs a flight,"
+        " flies it again with changes, and ranks those that bring the entry to the vertical. This planar"
+        " diver holds the pike of one and a half somersaults for too long."
+        f" What is found: {found.advice.message}. Each amount has a 95 % interval, and advice whose interval"
+        " spans zero is withheld."
+    )
+    page.items(piece.words for piece in found.advice.advice)
+    page.code("found = motion.analyse(recording, markers, facing='water')\nfound.write('page.html')")
+    better = motion.what_if(found.flight, opening=-first.amount)
+    scene = viewer.Scene("As it was, and opened earlier").camera("side").play(0.5)
+    scene.add(found.flight, label="as it was")
+    scene.add(better, label=f"opened {1e3 * first.amount:.0f} ms earlier", panel=1)
+    frame(page, scene, "advice", "The dive as it was reconstructed, and opened earlier: the body is vertical at the entry.")
 
 
 def _fits(
