@@ -362,7 +362,12 @@ def _advice(page: Page) -> None:
     scene = viewer.Scene("As it was, and opened earlier").camera("side").play(0.5)
     scene.add(found.flight, label="as it was")
     scene.add(better, label=f"opened {1e3 * first.amount:.0f} ms earlier", panel=1)
-    frame(page, scene, "advice", "The dive as it was reconstructed, and opened earlier: the body is vertical at the entry.")
+    frame(
+        page,
+        scene,
+        "advice",
+        "The dive as it was reconstructed, and opened earlier: the body is vertical at the entry.",
+    )
 
 
 def _fits(

@@ -129,7 +129,6 @@ pub struct Gyrostat {
 }
 
 #[derive(Clone, Debug)]
-#[expect(clippy::large_enum_variant, reason = "one motion is kept and asked many times")]
 enum Motion {
     Free(FreeBody),
     Carrying(Carrying),
