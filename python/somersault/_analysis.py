@@ -73,13 +73,13 @@ class FlightAnalysis:
     report : FlightReport
         What it was.
     advice : FlightAdvice
-        What to do about its entry, and why there is some or none.
+        What to do about its entry; its `status` says why advice is given or withheld.
     what_ifs : tuple of WhatIf
         The flight with single changes; none where the flight is no success.
     optimum : DiveSolution or None
         The optimal dive of the same kind.
     optimum_message : str
-        What it is, or why there is none.
+        What it is or, where it is None, the reason.
     differences : dict of str to ndarray
         For each joint the recorded angle less that of the optimum at the times of the flight, aligned at
         its first frame, rad.
@@ -277,7 +277,7 @@ def analyse(
     flight = reconstruct_flight(markers, recording, **reconstruction)
     report = identify_flight(flight, facing=facing)
     reason = _refused(flight, report)
-    # the advice refuses arguments that are not allowed, also where there is none
+    # this checks the arguments of advice also where the flight is refused
     advice: FlightAdvice | None = advise_flight(
         flight,
         half_somersaults=half_somersaults,
@@ -356,7 +356,7 @@ def _flown(flight: ReconstructedFlight) -> list[WhatIf]:
 def _optimum(
     flight: ReconstructedFlight, report: FlightReport, half_somersaults: int
 ) -> tuple[ocp.DiveSolution | None, str]:
-    """The optimal dive of the same kind, and what it is, or why there is none."""
+    """The optimal dive of the same kind and what it is; or None and the reason."""
     if report.group != "somersaults":
         return (
             None,

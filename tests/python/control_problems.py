@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from somersault import ocp
+from somersault import multibody, ocp
 
 INF = np.inf
 
@@ -35,6 +35,29 @@ class Known(NamedTuple):
         """The problem, and what is found of it."""
         problem = self.pose()
         return problem, problem.solve(self.guess, **self.options)
+
+
+def chain(n: int, gravity: float) -> ocp.ControlProblem:
+    """Links of 1 kg and 0.5 m that hang, each hinge to be turned by half a radian in a second."""
+    links = [
+        multibody.Link(
+            f"link{k}",
+            "revolute",
+            parent=f"link{k - 1}" if k else None,
+            axis=(0, 0, 1),
+            origin=(0, -0.5, 0) if k else (0, 0, 0),
+            mass=1.0,
+            center=(0, -0.25, 0),
+            inertia=np.diag([1, 0, 1]) * 0.5**2 / 12,
+        )
+        for k in range(n)
+    ]
+    return ocp.ControlProblem(
+        multibody.Model(links, gravity=(0, -gravity, 0)),
+        initial=[0] * 2 * n,
+        final=[0.5] * n + [0] * n,
+        running_cost=lambda x, u: 0.5 * u @ u,
+    )
 
 
 def _block(**options: Any) -> ocp.ControlProblem:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from control_problems import chain
 
 from somersault import multibody, nlp, ocp
 
@@ -212,29 +213,6 @@ class TestMerit:
         assert len(reports) >= 4 and merits == sorted(merits) and violations != sorted(violations)
 
 
-def chain(n: int) -> ocp.ControlProblem:
-    """Links of 1 kg and 0.5 m, each hinge to be turned by half a radian in a second."""
-    links = [
-        multibody.Link(
-            f"link{k}",
-            "revolute",
-            parent=f"link{k - 1}" if k else None,
-            axis=(0, 0, 1),
-            origin=(0, -0.5, 0) if k else (0, 0, 0),
-            mass=1.0,
-            center=(0, -0.25, 0),
-            inertia=np.diag([1, 0, 1]) * 0.5**2 / 12,
-        )
-        for k in range(n)
-    ]
-    return ocp.ControlProblem(
-        multibody.Model(links, gravity=(0, 0, 0)),
-        initial=[0] * 2 * n,
-        final=[0.5] * n + [0] * n,
-        running_cost=lambda x, u: 0.5 * u @ u,
-    )
-
-
 def seconds(run: Any) -> tuple[Any, float]:
     began = time.monotonic()
     return run(), time.monotonic() - began
@@ -249,7 +227,7 @@ class TestLimitsOfTimeThatEndLongWork:
 
     def test_polish_of_a_chain(self) -> None:
         # its equations take seconds
-        problem = chain(4)
+        problem = chain(4, 0.0)
         found = problem.solve(tol=1e-4)
         exact, took = seconds(lambda: problem.polish(found, max_time=0.2))
         assert exact.verdict == "refused" and took < 0.2 + SLACK
@@ -257,7 +235,7 @@ class TestLimitsOfTimeThatEndLongWork:
 
     @pytest.mark.parametrize("method", ["auto", "indirect"])
     def test_a_chain(self, method: Any) -> None:
-        found, took = seconds(lambda: chain(10).solve(method=method, max_time=0.7))
+        found, took = seconds(lambda: chain(10, 0.0).solve(method=method, max_time=0.7))
         assert not found.success and took < 0.7 + SLACK
         assert "limit of time was reached" in found.message
 

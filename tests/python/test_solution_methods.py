@@ -6,36 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from control_problems import KNOWN
+from control_problems import KNOWN, chain
 
 from somersault import ftla, multibody, ocp
 from somersault.errors import InputError
 
 #: A problem, and where its search starts.
 Posed = tuple[ocp.ControlProblem, dict[str, Any] | None]
-
-
-def chain(n: int, gravity: float) -> ocp.ControlProblem:
-    """Links of 1 kg and 0.5 m that hang, each hinge to be turned by half a radian in a second."""
-    links = [
-        multibody.Link(
-            f"link{k}",
-            "revolute",
-            parent=f"link{k - 1}" if k else None,
-            axis=(0, 0, 1),
-            origin=(0, -0.5, 0) if k else (0, 0, 0),
-            mass=1.0,
-            center=(0, -0.25, 0),
-            inertia=np.diag([1, 0, 1]) * 0.5**2 / 12,
-        )
-        for k in range(n)
-    ]
-    return ocp.ControlProblem(
-        multibody.Model(links, gravity=(0, -gravity, 0)),
-        initial=[0] * 2 * n,
-        final=[0.5] * n + [0] * n,
-        running_cost=lambda x, u: 0.5 * u @ u,
-    )
 
 
 def satellite() -> ocp.ControlProblem:

@@ -424,7 +424,7 @@ impl Advice {
 }
 
 impl FlightAdvice {
-    /// How the entry was, and why there is no advice where there is none.
+    /// The angle at the entry and, where no advice is given, the reason.
     pub fn message(&self) -> String {
         let WithInterval { value, lower, upper } = self.entry_angle;
         let half = 0.5 * (upper - lower).to_degrees();

@@ -187,7 +187,7 @@ impl<'m> WhatIfFlight<'m> {
         self.folded.as_ref()
     }
 
-    /// When the posture that can change begins to be taken, is taken, begins to be left and is left, s; none where there is none.
+    /// Times at which the diver starts to fold, is folded, starts to open and is open, s; `None` if the flight has no folded phase.
     pub fn held(&self) -> Option<[f64; 4]> {
         self.is_held.then(|| self.known.held().times)
     }
@@ -295,7 +295,7 @@ impl<'m> WhatIfFlight<'m> {
         let at = |height: f64| -> Result<Outcome, AdviceError> {
             self.outcome_of(&self.known.fly(&FlightChange { height, ..FlightChange::default() })?)
         };
-        // where the flight rises less than the displacement there is none
+        // a flight that rises by less than the displacement has no central difference
         match (at(HIGHER), at(-HIGHER)) {
             (Ok(more), Ok(less)) => Ok((more - less) * (0.5 / HIGHER)),
             _ => Ok(NONE),

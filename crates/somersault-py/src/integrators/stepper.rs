@@ -478,7 +478,7 @@ impl Stepper {
         Ok(self.progress()?.t)
     }
 
-    /// float or None: Time before the last step, s; None where there is none since the start or the last change.
+    /// float or None: Time before the last step, s; None before the first step and after a change of state or forces.
     #[getter]
     fn t_old(&self) -> Result<Option<f64>, Error> {
         Ok(self.progress()?.t_old)

@@ -169,7 +169,7 @@ value! {
         momentum: f64 = |own| own.flown.change.momentum;
         /// float: By how much higher the centre of mass rises, m.
         height: f64 = |own| own.flown.change.height;
-        /// tuple of float or None: When the posture begins to be taken, is taken, begins to be left and is left, s; None where there is none.
+        /// tuple of float or None: Times at which the diver starts to fold, is folded, starts to open and is open, s; None if the flight has no folded phase.
         phase: Option<(f64, f64, f64, f64)> = |own| own.phase.map(Into::into);
         /// ndarray, shape (n_frames,): Times, s, as many as the flight has frames.
         t: PyResult<Bound<'py, PyAny>> = |own, py| {
@@ -518,7 +518,7 @@ value! {
         entry_angle: f64 = |own| own.found.entry_angle.value;
         /// tuple of float: Its 95 % interval.
         entry_angle_interval: (f64, f64) = |own| bounds(&own.found.entry_angle);
-        /// str: How the entry was, and why there is no advice where there is none.
+        /// str: The angle at the entry and, where no advice is given, the reason.
         message: String = |own| own.found.message();
     }
 }
