@@ -11,7 +11,8 @@ use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use somersault::core::cancel::CancellationToken;
-use std::sync::mpsc::{RecvTimeoutError, sync_channel};
+use std::convert::Infallible;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
@@ -78,32 +79,40 @@ pub(crate) fn attend<T: Send>(
         return Ok(py.detach(work));
     }
     let threads = threads()?;
-    let mut interrupted = Some(interrupted);
-    let done = py.detach(|| {
+    let mut done = None;
+    let place = &mut done;
+    py.detach(|| {
         threads.in_place_scope(|scope| {
-            let (sender, receiver) = sync_channel(1);
+            let (working, end) = channel();
             scope.spawn(move |_| {
-                // who waits does so until this is sent
-                let _ = sender.send(work());
+                *place = Some(work());
+                drop(working);
             });
-            loop {
-                match receiver.recv_timeout(SIGNAL_INTERVAL) {
-                    Ok(done) => return Some(done),
-                    Err(RecvTimeoutError::Timeout) if interrupted.is_some() => {
-                        if let Err(raised) = Python::attach(|py| py.check_signals())
-                            && let Some(interrupted) = interrupted.take()
-                        {
-                            interrupted(raised);
-                        }
-                    }
-                    Err(RecvTimeoutError::Timeout) => {}
-                    // a panic, which the end of the scope passes on
-                    Err(RecvTimeoutError::Disconnected) => return None,
-                }
+            if let Some(raised) = signal_before(&end) {
+                interrupted(raised);
             }
-        })
+            // what is still under way ends before the scope does, and a panic is passed on by it
+        });
     });
     done.ok_or_else(|| Error::of_system("the work stopped early".to_owned()))
+}
+
+/// What tells that work has ended: the other end is dropped then, also by a panic.
+type End = Receiver<Infallible>;
+
+/// Whether the work has ended within the time between two looks for signals.
+fn ends_soon(end: &End) -> bool {
+    !matches!(end.recv_timeout(SIGNAL_INTERVAL), Err(RecvTimeoutError::Timeout))
+}
+
+/// What a handler of signals raises before the end of some work.
+fn signal_before(end: &End) -> Option<PyErr> {
+    while !ends_soon(end) {
+        if let Err(raised) = Python::attach(|py| py.check_signals()) {
+            return Some(raised);
+        }
+    }
+    None
 }
 
 /// As [`attend`], for work that may take long to end: what was raised comes once `patience` is over, or at once after a
@@ -130,38 +139,42 @@ pub(crate) fn attend_or_leave_by<T: Send + 'static>(
         return Ok((py.detach(|| work(&token)), None));
     }
     let threads = start()?;
-    let (sender, receiver) = sync_channel(1);
+    let (working, end) = channel();
     let within = Arc::clone(&token);
     let worker = std::thread::Builder::new().name("somersault".to_owned()).spawn(move || {
-        // nobody may listen any more after a signal
-        let _ = sender.send(threads.install(|| work(&within)));
+        let done = threads.install(|| work(&within));
+        drop(working);
+        done
     });
     let worker = worker.map_err(|error| Error::of_system(format!("no thread can be started: {error}")))?;
-    let ended: PyResult<(T, Option<PyErr>)> = py.detach(move || {
-        let mut first: Option<(PyErr, Instant)> = None;
-        loop {
-            match receiver.recv_timeout(SIGNAL_INTERVAL) {
-                Ok(done) => return Ok((done, first.map(|(raised, _)| raised))),
-                Err(RecvTimeoutError::Timeout) => {
-                    if let Err(raised) = Python::attach(|py| py.check_signals()) {
-                        token.cancel();
-                        if patience.is_zero() || first.is_some() {
-                            return Err(raised);
-                        }
-                        first = Some((raised, Instant::now()));
-                    }
-                    if let Some((raised, _)) = first.take_if(|(_, since)| since.elapsed() >= patience) {
-                        return Err(raised);
-                    }
-                }
-                Err(RecvTimeoutError::Disconnected) => {
-                    let panic = worker.join().err();
-                    std::panic::resume_unwind(panic.unwrap_or_else(|| Box::new("the worker is gone")));
-                }
+    let (raised, joined) = py.detach(move || {
+        let raised = end_or_leave(&end, patience, &token)?;
+        Ok::<_, PyErr>((raised, worker.join()))
+    })?;
+    match joined {
+        Ok(done) => Ok((done, raised)),
+        Err(panic) => std::panic::resume_unwind(panic),
+    }
+}
+
+/// Waits for the end of work, and gives what a handler of signals raised meanwhile, which cancels the work.
+///
+/// Errors: what was raised, once `patience` is over or at a second signal: nobody waits for the work any more.
+fn end_or_leave(end: &End, patience: Duration, token: &CancellationToken) -> PyResult<Option<PyErr>> {
+    let mut first: Option<(PyErr, Instant)> = None;
+    while !ends_soon(end) {
+        if let Err(raised) = Python::attach(|py| py.check_signals()) {
+            token.cancel();
+            if patience.is_zero() || first.is_some() {
+                return Err(raised);
             }
+            first = Some((raised, Instant::now()));
         }
-    });
-    Ok(ended?)
+        if let Some((raised, _)) = first.take_if(|(_, since)| since.elapsed() >= patience) {
+            return Err(raised);
+        }
+    }
+    Ok(first.map(|(raised, _)| raised))
 }
 
 /// As [`attend_or_leave`] for work that nobody waits for after a signal, and whose errors are exceptions. Work that has no
