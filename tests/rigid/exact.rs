@@ -1,10 +1,10 @@
 //! The exact motion of the free body: against 30 digits, its invariants, and closed forms of special motions.
 
-use proptest::prelude::*;
 use somersault::integrators::body::RigidBody;
 use somersault::integrators::exact::{FreeBody, FreeBodyError, FreeRotation};
 use somersault::integrators::nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use somersault::integrators::state::RigidBodyState;
+use somersault_testkit::trees::Random;
 
 type Case = (&'static str, [f64; 3], [f64; 4], [f64; 3], f64, f64, [f64; 4], [f64; 3]);
 
@@ -42,49 +42,52 @@ fn the_error_of_long_times_stays_near_rounding() {
     }
 }
 
-fn log_range(low: f64, high: f64) -> impl Strategy<Value = f64> {
-    (low.ln()..high.ln()).prop_map(f64::exp)
+fn log_within(random: &mut Random, low: f64, high: f64) -> f64 {
+    random.within(low.ln(), high.ln()).exp()
 }
 
-fn vector(size: f64) -> impl Strategy<Value = Vector3<f64>> {
-    (-size..size, -size..size, -size..size).prop_map(|(x, y, z)| Vector3::new(x, y, z))
-}
-
-fn orientation() -> impl Strategy<Value = UnitQuaternion<f64>> {
-    (-1.0..1.0, -1.0..1.0, -1.0..1.0, 0.01..1.0)
-        .prop_map(|(x, y, z, w)| UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z)))
+fn orientation(random: &mut Random) -> UnitQuaternion<f64> {
+    let [x, y, z] = random.vector(1.0).into();
+    UnitQuaternion::new_normalize(Quaternion::new(random.within(0.01, 1.0), x, y, z))
 }
 
 /// Moments of solid bodies, from needles to discs, some with two or three of them close.
-fn moments() -> impl Strategy<Value = Vector3<f64>> {
-    (log_range(1e-4, 1.0), log_range(1e-4, 1.0), log_range(1e-4, 1.0), 0..4, log_range(1e-15, 1e-2)).prop_map(
-        |(x, y, z, kind, gap)| match kind {
-            0 => Vector3::new(x + x * (1.0 + gap), x * (1.0 + gap) + x, 2.0 * x),
-            1 => Vector3::new(y + z, z + y * (1.0 + gap), y * (2.0 + gap)),
-            _ => Vector3::new(y + z, z + x, x + y),
-        },
-    )
+fn moments(random: &mut Random) -> Vector3<f64> {
+    let [x, y, z] = [(); 3].map(|()| log_within(random, 1e-4, 1.0));
+    let gap = log_within(random, 1e-15, 1e-2);
+    match random.below(4) {
+        0 => Vector3::new(x + x * (1.0 + gap), x * (1.0 + gap) + x, 2.0 * x),
+        1 => Vector3::new(y + z, z + y * (1.0 + gap), y * (2.0 + gap)),
+        _ => Vector3::new(y + z, z + x, x + y),
+    }
 }
 
-proptest! {
-    #![proptest_config(ProptestConfig { cases: 2000, ..ProptestConfig::default() })]
-
-    #[test]
-    fn angular_momentum_and_energy_are_constant(
-        moments in moments(), q in orientation(), w in vector(2.0), t in -1e4..1e4f64,
-    ) {
+#[test]
+fn angular_momentum_and_energy_are_constant() {
+    let mut random = Random::new(1);
+    for _ in 0..2000 {
+        let moments = moments(&mut random);
+        let q = orientation(&mut random);
+        let w = random.vector(2.0);
+        let t = random.within(-1e4, 1e4);
         let (q1, w1) = FreeRotation::new(&moments, &q, &w).at(t);
         let before = q * moments.component_mul(&w);
         let after = q1 * moments.component_mul(&w1);
-        prop_assert!((after - before).norm() <= 3e-14 * before.norm());
+        assert!((after - before).norm() <= 3e-14 * before.norm());
         let energy = moments.dot(&w.component_mul(&w));
-        prop_assert!((moments.dot(&w1.component_mul(&w1)) - energy).abs() <= 3e-14 * energy);
+        assert!((moments.dot(&w1.component_mul(&w1)) - energy).abs() <= 3e-14 * energy);
     }
+}
 
-    #[test]
-    fn the_motion_is_a_flow_and_runs_backwards(
-        moments in moments(), q in orientation(), w in vector(2.0), s in -5.0..5.0f64, t in -5.0..5.0f64,
-    ) {
+#[test]
+fn the_motion_is_a_flow_and_runs_backwards() {
+    let mut random = Random::new(2);
+    for _ in 0..2000 {
+        let moments = moments(&mut random);
+        let q = orientation(&mut random);
+        let w = random.vector(2.0);
+        let s = random.within(-5.0, 5.0);
+        let t = random.within(-5.0, 5.0);
         let motion = FreeRotation::new(&moments, &q, &w);
         let (whole_q, whole_w) = motion.at(s + t);
         let (q1, w1) = motion.at(s);
@@ -92,17 +95,22 @@ proptest! {
         // the rounding of the state between grows with the motion: with the gap between neighbours, e^|λt| at most
         let ratio = moments.max() / moments.min();
         let growth = ratio * (1.0 + (w.norm() * (s.abs() + t.abs())).exp().min(1e6 * ratio));
-        prop_assert!(angle(&whole_q, &q2) < 1e-14 * growth, "{:e}", angle(&whole_q, &q2));
-        prop_assert!((whole_w - w2).norm() <= 1e-14 * growth * w.norm());
+        assert!(angle(&whole_q, &q2) < 1e-14 * growth, "{:e}", angle(&whole_q, &q2));
+        assert!((whole_w - w2).norm() <= 1e-14 * growth * w.norm());
         let (q3, w3) = FreeRotation::new(&moments, &q1, &-w1).at(s);
-        prop_assert!(angle(&q3, &q) < 1e-14 * growth);
-        prop_assert!((w3 + w).norm() <= 1e-14 * growth * w.norm());
+        assert!(angle(&q3, &q) < 1e-14 * growth);
+        assert!((w3 + w).norm() <= 1e-14 * growth * w.norm());
     }
+}
 
-    #[test]
-    fn the_angular_velocity_is_the_rate_of_the_orientation(
-        moments in moments(), q in orientation(), w in vector(2.0), t in -100.0..100.0f64,
-    ) {
+#[test]
+fn the_angular_velocity_is_the_rate_of_the_orientation() {
+    let mut random = Random::new(3);
+    for _ in 0..2000 {
+        let moments = moments(&mut random);
+        let q = orientation(&mut random);
+        let w = random.vector(2.0);
+        let t = random.within(-100.0, 100.0);
         let motion = FreeRotation::new(&moments, &q, &w);
         let (_, at) = motion.at(t);
         // central difference of fourth order
@@ -114,13 +122,19 @@ proptest! {
         let rate = (4.0 * turn(h) - turn(2.0 * h)) / 3.0;
         // rounding of the angles, and of t ± h
         let noise = (3e-15 + 4.0 * f64::EPSILON * t.abs() * at.norm()) / h;
-        prop_assert!((rate - at).norm() < 1e-9 * (1.0 + at.norm()) + noise, "{rate:?} {at:?}");
+        assert!((rate - at).norm() < 1e-9 * (1.0 + at.norm()) + noise, "{rate:?} {at:?}");
     }
+}
 
-    #[test]
-    fn symmetric_bodies_precess_at_l_over_i_and_spin_about_their_axis(
-        i in 0.1..1.0f64, i3 in 0.01..1.9f64, q in orientation(), w in vector(2.0), t in -10.0..10.0f64,
-    ) {
+#[test]
+fn symmetric_bodies_precess_at_l_over_i_and_spin_about_their_axis() {
+    let mut random = Random::new(4);
+    for _ in 0..2000 {
+        let i = random.within(0.1, 1.0);
+        let i3 = random.within(0.01, 1.9);
+        let q = orientation(&mut random);
+        let w = random.vector(2.0);
+        let t = random.within(-10.0, 10.0);
         // R(t) = exp(L t / I) R(0) exp((1 - I₃/I) ω₃ t ẑ)
         let i3 = i3 * i;
         let moments = Vector3::new(i, i, i3);
@@ -129,7 +143,7 @@ proptest! {
         let expected =
             UnitQuaternion::from_scaled_axis(momentum * (t / i)) * q * UnitQuaternion::from_scaled_axis(spin);
         let (found, _) = FreeRotation::new(&moments, &q, &w).at(t);
-        prop_assert!(angle(&found, &expected) < 1e-13, "{:e}", angle(&found, &expected));
+        assert!(angle(&found, &expected) < 1e-13, "{:e}", angle(&found, &expected));
     }
 }
 
