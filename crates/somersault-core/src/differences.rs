@@ -55,7 +55,7 @@ impl Differences {
         at: &[f64],
         sizes: &[f64],
         m: usize,
-        values: &mut impl FnMut(&[f64], &mut [f64]) -> Result<(), E>,
+        values: &mut dyn FnMut(&[f64], &mut [f64]) -> Result<(), E>,
         jacobian: &mut [f64],
     ) -> Result<(), E> {
         let n = at.len();
@@ -91,7 +91,7 @@ impl Differences {
         at: &[f64],
         sizes: &[f64],
         weights: &[f64],
-        values: &mut impl FnMut(&[f64], &mut [f64]) -> Result<(), E>,
+        values: &mut dyn FnMut(&[f64], &mut [f64]) -> Result<(), E>,
         hessian: &mut [f64],
     ) -> Result<(), E> {
         let (n, m) = (at.len(), weights.len());
@@ -137,7 +137,7 @@ impl Differences {
         at: &[f64],
         sizes: &[f64],
         weights: &[f64],
-        jacobians: &mut impl FnMut(&[f64], &mut [f64]) -> Result<(), E>,
+        jacobians: &mut dyn FnMut(&[f64], &mut [f64]) -> Result<(), E>,
         hessian: &mut [f64],
     ) -> Result<(), E> {
         let (n, m) = (at.len(), weights.len());
@@ -187,7 +187,7 @@ impl<'a> Points<'a> {
     fn evaluated<E>(
         self,
         m: usize,
-        values: &mut impl FnMut(&[f64], &mut [f64]) -> Result<(), E>,
+        values: &mut dyn FnMut(&[f64], &mut [f64]) -> Result<(), E>,
     ) -> Result<Vec<f64>, E> {
         let mut found = vec![0.0; self.count * m];
         values(&self.all, &mut found)?;
@@ -224,7 +224,7 @@ impl Slopes {
         sizes: &[f64],
         m: usize,
         differences: Differences,
-        values: &mut impl FnMut(&[f64], &mut [f64]) -> Result<(), E>,
+        values: &mut dyn FnMut(&[f64], &mut [f64]) -> Result<(), E>,
     ) -> Result<Option<Self>, E> {
         let n = at.len();
         let part = STEP.max(differences.error.cbrt());
