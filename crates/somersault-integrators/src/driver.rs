@@ -371,7 +371,7 @@ struct Show<'a, Q: Configuration> {
 impl<'a, Q: Configuration> Show<'a, Q> {
     fn new(initial: &State<Q>, observer: &'a mut dyn Observer<Q>) -> Self {
         let is_active = observer.is_active();
-        let [before, after] = [(); 2].map(|()| initial.clone());
+        let (before, after) = (initial.clone(), initial.clone());
         Self { observer, is_active, before, after, place: None, end: None }
     }
 

@@ -8,7 +8,7 @@
 //! A call through the pointer takes one or two nanoseconds, which is less than moving the states between steps: they stay in
 //! their slots.
 
-use crate::dense::{Decoded, Interpolant};
+use crate::dense::{Decoded, Interpolant, Segment};
 use crate::error::IntegrateError;
 use crate::scratch::{Allocation, Storage};
 use crate::state::{Configuration, Rate, State, Tolerances};
@@ -167,17 +167,72 @@ struct Estimate<E> {
     reject: fn(&mut E),
 }
 
-/// The engine that a stepper is, with the system in the form that it integrates and the way back from there.
-pub struct FormEngine<'a, Q: Configuration, B: System, M: Stepper<B>, D> {
+/// The states of an engine, in the variables of a form, with the ways there and back: what does not depend on the method.
+struct Slots<'a, Q: Configuration, B: System, D> {
     form: &'a B,
-    stepper: &'a M,
     decoder: D,
     encode: Encode<'a, Q, B::Configuration>,
-    estimate: Option<Estimate<Self>>,
-    memories: Vec<M::Memory>,
     states: Vec<StateOf<B>>,
     /// Of the size of all states.
     pattern: StateOf<B>,
+}
+
+impl<Q, B, D> Slots<'_, Q, B, D>
+where
+    Q: Configuration,
+    B: System,
+    D: Decoder<B::Configuration, Q>,
+{
+    /// A state of the system in the variables of the form.
+    fn encoded(&self, x: &State<Q>) -> StateOf<B> {
+        let mut state = self.pattern.clone();
+        (self.encode)(x, &mut state);
+        state
+    }
+
+    fn keep(&mut self, x: &State<Q>) -> Slot {
+        self.states.push(self.encoded(x));
+        Slot(self.states.len() - 1)
+    }
+
+    fn write(&mut self, slot: Slot, x: &State<Q>) {
+        (self.encode)(x, &mut self.states[slot.0]);
+    }
+
+    fn read(&self, slot: Slot, out: &mut State<Q>) {
+        self.decoder.decode(&self.states[slot.0], out);
+    }
+
+    /// The states in two slots.
+    #[inline(always)]
+    fn pair(&mut self, from: Slot, to: Slot) -> Result<[&mut StateOf<B>; 2], ArgumentError> {
+        let allowed = "a slot of this engine, and another than `from`";
+        let wrong = |_| ArgumentError::OutOfRange { argument: "to", allowed, found: to.0 as f64 };
+        self.states.get_disjoint_mut([from.0, to.0]).map_err(wrong)
+    }
+
+    fn decoded(&self, segment: Segment<B::Configuration>) -> Box<dyn Interpolant<Q>> {
+        Box::new(Decoded { segment, decoder: self.decoder.clone() })
+    }
+
+    fn nudge(&self, t: f64, x: &State<Q>, dt: f64, out: &mut State<Q>) {
+        let mut y = self.encoded(x);
+        let mut workspace = self.form.workspace();
+        let (mut velocity, mut acceleration) = (y.rate.clone(), y.rate.clone());
+        self.form.velocity(&mut workspace, t, &y, &mut velocity);
+        self.form.acceleration(&mut workspace, t, &y, &mut acceleration);
+        y.configuration.drift(&velocity, dt);
+        y.rate.axpy(dt, &acceleration);
+        self.decoder.decode(&y, out);
+    }
+}
+
+/// The engine that a stepper is, with the system in the form that it integrates and the way back from there.
+pub struct FormEngine<'a, Q: Configuration, B: System, M: Stepper<B>, D> {
+    stepper: &'a M,
+    estimate: Option<Estimate<Self>>,
+    memories: Vec<M::Memory>,
+    slots: Slots<'a, Q, B, D>,
 }
 
 impl<'a, Q, B, M, D> FormEngine<'a, Q, B, M, D>
@@ -196,14 +251,8 @@ where
         x: StateOf<B>,
     ) -> Result<Self, StepError> {
         let memories = vec![stepper.start(form, &x)?];
-        Ok(Self { form, stepper, decoder, encode, estimate: None, memories, states: Vec::new(), pattern: x })
-    }
-
-    /// A state of the system in the variables that the method integrates.
-    fn encoded(&self, x: &State<Q>) -> StateOf<B> {
-        let mut state = self.pattern.clone();
-        (self.encode)(x, &mut state);
-        state
+        let slots = Slots { form, decoder, encode, states: Vec::new(), pattern: x };
+        Ok(Self { stepper, estimate: None, memories, slots })
     }
 
     /// The same with the estimate of the method.
@@ -212,8 +261,8 @@ where
         M: EmbeddedStepper<B>,
     {
         let attempt = |engine: &mut Self, t, h, from, to, tolerances: &Tolerances| {
-            let Self { form, stepper, .. } = *engine;
-            let [before, after] = Self::pair(&mut engine.states, from, to)?;
+            let (form, stepper) = (engine.slots.form, engine.stepper);
+            let [before, after] = engine.slots.pair(from, to)?;
             let memory = &mut engine.memories[Track::RUN.0];
             stepper.step(form, t, before, h, memory, after)?;
             let error = stepper.error(before, after, h, memory, tolerances);
@@ -222,14 +271,6 @@ where
         };
         let reject = |engine: &mut Self| engine.stepper.reject(&mut engine.memories[Track::RUN.0]);
         Self { estimate: Some(Estimate { attempt, reject }), ..self }
-    }
-
-    /// The states in two slots.
-    #[inline(always)]
-    fn pair(states: &mut [StateOf<B>], from: Slot, to: Slot) -> Result<[&mut StateOf<B>; 2], ArgumentError> {
-        let allowed = "a slot of this engine, and another than `from`";
-        let wrong = |_| ArgumentError::OutOfRange { argument: "to", allowed, found: to.0 as f64 };
-        states.get_disjoint_mut([from.0, to.0]).map_err(wrong)
     }
 }
 
@@ -256,20 +297,19 @@ where
     }
 
     fn keep(&mut self, x: &State<Q>) -> Slot {
-        self.states.push(self.encoded(x));
-        Slot(self.states.len() - 1)
+        self.slots.keep(x)
     }
 
     fn write(&mut self, slot: Slot, x: &State<Q>) {
-        (self.encode)(x, &mut self.states[slot.0]);
+        self.slots.write(slot, x);
     }
 
     fn read(&self, slot: Slot, out: &mut State<Q>) {
-        self.decoder.decode(&self.states[slot.0], out);
+        self.slots.read(slot, out);
     }
 
     fn branch(&mut self, x: &State<Q>) -> Result<Track, StepError> {
-        self.memories.push(self.stepper.start(self.form, &self.encoded(x))?);
+        self.memories.push(self.stepper.start(self.slots.form, &self.slots.encoded(x))?);
         Ok(Track(self.memories.len() - 1))
     }
 
@@ -286,35 +326,36 @@ where
         to: Slot,
         seen: Option<&mut State<Q>>,
     ) -> Result<(), IntegrateError> {
-        let [before, after] = Self::pair(&mut self.states, from, to)?;
-        self.stepper.step(self.form, t, before, h, &mut self.memories[track.0], after)?;
+        let form = self.slots.form;
+        let [before, after] = self.slots.pair(from, to)?;
+        self.stepper.step(form, t, before, h, &mut self.memories[track.0], after)?;
         after.configuration.renormalize();
         if !after.is_finite() {
             return Err(IntegrateError::NonFinite { t: t + h });
         }
         if let Some(seen) = seen {
-            self.decoder.decode(after, seen);
+            self.slots.read(to, seen);
         }
         Ok(())
     }
 
     fn march(&mut self, t: f64, h: f64, steps: u64, slot: Slot) -> Result<(), IntegrateError> {
         if B::IS_WATCHED {
-            let other = Slot(self.states.len());
-            self.states.push(self.states[slot.0].clone());
+            let other = Slot(self.slots.states.len());
+            self.slots.states.push(self.slots.states[slot.0].clone());
             let outcome = (0..steps).try_for_each(|n| {
                 self.advance(Track::RUN, t + n as f64 * h, h, slot, other, None)?;
-                self.states.swap(slot.0, other.0);
+                self.slots.states.swap(slot.0, other.0);
                 Ok(())
             });
-            self.states.pop();
+            self.slots.states.pop();
             return outcome;
         }
         // On the stack the states of a body and the memory of a method stay in registers from step to step, and a copy
         // of a state there costs less than an exchange of two.
-        let (form, stepper) = (self.form, self.stepper);
+        let (form, stepper) = (self.slots.form, self.stepper);
         let mut memory = self.memories.swap_remove(Track::RUN.0);
-        let mut before = self.states[slot.0].clone();
+        let mut before = self.slots.states[slot.0].clone();
         let mut after = before.clone();
         let mut outcome = Ok(());
         for n in 0..steps {
@@ -334,7 +375,7 @@ where
                 std::mem::swap(&mut before, &mut after);
             }
         }
-        self.states[slot.0] = before;
+        self.slots.states[slot.0] = before;
         self.memories.push(memory);
         let last = self.memories.len() - 1;
         self.memories.swap(Track::RUN.0, last);
@@ -342,18 +383,17 @@ where
     }
 
     fn segment(&mut self, t: f64, h: f64, from: Slot, to: Slot) -> Box<dyn Interpolant<Q>> {
-        let (x, after) = (&self.states[from.0], &self.states[to.0]);
+        let (x, after) = (&self.slots.states[from.0], &self.slots.states[to.0]);
         let memory = &mut self.memories[Track::RUN.0];
-        let segment = self.stepper.segment(self.form, t, x, h, memory, after);
-        Box::new(Decoded { segment, decoder: self.decoder.clone() })
+        self.slots.decoded(self.stepper.segment(self.slots.form, t, x, h, memory, after))
     }
 
     fn control(&self, settings: &Adaptive, t: f64, x: Slot) -> Result<StepSizeControl, IntegrateError> {
-        StepSizeControl::try_new(settings, &M::INFO, self.form, t, &self.states[x.0])
+        StepSizeControl::try_new(settings, &M::INFO, self.slots.form, t, &self.slots.states[x.0])
     }
 
     fn restart_control(&self, control: &mut StepSizeControl, t: f64, x: Slot) {
-        control.restart(self.form, t, &self.states[x.0]);
+        control.restart(self.slots.form, t, &self.slots.states[x.0]);
     }
 
     fn attempt(
@@ -377,13 +417,6 @@ where
     }
 
     fn nudge(&mut self, t: f64, x: &State<Q>, dt: f64, out: &mut State<Q>) {
-        let mut y = self.encoded(x);
-        let mut workspace = self.form.workspace();
-        let [mut velocity, mut acceleration] = [(); 2].map(|()| y.rate.clone());
-        self.form.velocity(&mut workspace, t, &y, &mut velocity);
-        self.form.acceleration(&mut workspace, t, &y, &mut acceleration);
-        y.configuration.drift(&velocity, dt);
-        y.rate.axpy(dt, &acceleration);
-        self.decoder.decode(&y, out);
+        self.slots.nudge(t, x, dt, out);
     }
 }

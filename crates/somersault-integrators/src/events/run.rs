@@ -102,7 +102,7 @@ impl<'a, H: Hybrid> InProgress<'a, H> {
         observer: &'a mut dyn Observer<H::Configuration>,
     ) -> Result<Self, Interruption<H::Fault>> {
         let mut worker = Worker::start(frozen, engine, initial)?;
-        let [mut before, after] = [(); 2].map(|()| Box::new(worker.point(initial)));
+        let (mut before, after) = (Box::new(worker.point(initial)), Box::new(worker.point(initial)));
         let trail = Trail::new(worker.point(initial));
         worker.read_guards(t, &mut before)?;
         let count = before.guards.len();

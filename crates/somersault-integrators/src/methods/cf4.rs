@@ -61,7 +61,7 @@ impl<S: System> Stepper<S> for CommutatorFree4 {
         (m, sum): &mut Self::Memory,
         out: &mut StateOf<S>,
     ) -> Result<(), StepError> {
-        let ([v1, v2, v3, v4], [a1, a2, a3, a4]) = (m.velocities.each_mut(), m.accelerations.each_mut());
+        let ([v1, v2, v3, v4], [a1, a2, a3, a4]) = (&mut m.velocities, &mut m.accelerations);
         let (mut v1, mut v2, mut v3, mut v4) = (v1.lend(), v2.lend(), v3.lend(), v4.lend());
         let (mut a1, mut a2, mut a3, mut a4) = (a1.lend(), a2.lend(), a3.lend(), a4.lend());
         let (mut stage, mut sum) = (m.stage.lend(), sum.lend());

@@ -49,7 +49,7 @@ impl<S: System> Stepper<S> for Heun {
         m: &mut Self::Memory,
         out: &mut StateOf<S>,
     ) -> Result<(), StepError> {
-        let ([v1, v2], [a1, a2]) = (m.velocities.each_mut(), m.accelerations.each_mut());
+        let ([v1, v2], [a1, a2]) = (&mut m.velocities, &mut m.accelerations);
         let (mut v1, mut v2, mut a1, mut a2) = (v1.lend(), v2.lend(), a1.lend(), a2.lend());
         let mut ahead = m.stage.lend();
         system.velocity(&mut m.workspace, t, x, &mut v1);

@@ -92,7 +92,7 @@ impl<S: System> Stepper<S> for ImplicitMidpoint {
         // Each vector is measured by itself; the first change of one that starts from zero is infinite.
         const BY_SIZE: Tolerances = Tolerances { relative: 1.0, absolute: 1e-140 };
         let ImplicitMemory { stages: m, changes: [first, second], began } = memory;
-        let ([v, v_next], [a, a_next]) = (m.velocities.each_mut(), m.accelerations.each_mut());
+        let ([v, v_next], [a, a_next]) = (&mut m.velocities, &mut m.accelerations);
         let (mut v, mut v_next, mut a, mut a_next) = (v.lend(), v_next.lend(), a.lend(), a_next.lend());
         let (mut middle, mut move_by, mut change_by) = (m.stage.lend(), first.lend(), second.lend());
         system.velocity(&mut m.workspace, t, x, &mut v);

@@ -47,7 +47,7 @@ impl<S: System> Stepper<S> for Midpoint {
         m: &mut Self::Memory,
         out: &mut StateOf<S>,
     ) -> Result<(), StepError> {
-        let ([v], [a]) = (m.velocities.each_mut(), m.accelerations.each_mut());
+        let ([v], [a]) = (&mut m.velocities, &mut m.accelerations);
         let (mut v, mut a, mut middle) = (v.lend(), a.lend(), m.stage.lend());
         system.velocity(&mut m.workspace, t, x, &mut v);
         system.acceleration(&mut m.workspace, t, x, &mut a);

@@ -48,7 +48,7 @@ impl<S: System> Stepper<S> for SemiImplicitEuler {
         m: &mut Self::Memory,
         out: &mut StateOf<S>,
     ) -> Result<(), StepError> {
-        let ([v], [a]) = (m.velocities.each_mut(), m.accelerations.each_mut());
+        let ([v], [a]) = (&mut m.velocities, &mut m.accelerations);
         let (mut v, mut a) = (v.lend(), a.lend());
         system.acceleration(&mut m.workspace, t, x, &mut a);
         out.assign(x);

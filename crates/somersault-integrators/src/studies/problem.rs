@@ -5,7 +5,7 @@ use super::StudyError;
 use crate::body::RigidBody;
 use crate::driver::TimeGrid;
 use crate::exact::FreeBody;
-use crate::force::{Drag, ForceModel, Gravity, Spring};
+use crate::force::{Drag, Gravity, Spring};
 use crate::methods::{Method, RungeKuttaMuntheKaas4};
 use crate::run::Run;
 use crate::state::{Pose, Poses, RigidBodyState, State, Twist};
@@ -183,33 +183,28 @@ pub fn asymmetric_body() -> Result<Problem<RigidBodySystem>, StudyError> {
     free_rotation(body, RigidBodyState::spinning(Vector3::new(2.0, 0.6, 0.4)), 5.0)
 }
 
-/// The system of [`spring_pendulum`].
-pub type UndampedSpring = RigidBodySystem<(Gravity, Spring)>;
-/// The system of [`damped_spring_pendulum`].
-pub type DampedSpring = RigidBodySystem<(Gravity, (Spring, Drag))>;
+/// The system of [`spring_pendulum`], whose drag is zero, and of [`damped_spring_pendulum`].
+pub type SpringPendulum = RigidBodySystem<(Gravity, (Spring, Drag))>;
 
 /// r̈ = f(r), nonlinear: a unit mass on a spring of 1 m and 20 N/m in gravity, swinging in space for 2 s.
-pub fn spring_pendulum() -> Result<Problem<UndampedSpring>, StudyError> {
-    swinging((Gravity::earth(), spring(0.0)))
+pub fn spring_pendulum() -> Result<Problem<SpringPendulum>, StudyError> {
+    swinging(0.0, Drag::default())
 }
 
 /// r̈ = f(r, ṙ), nonlinear: as [`spring_pendulum`], the spring damped by 0.5 N s/m, in a quadratic drag of
 /// 0.2 N s²/m².
-pub fn damped_spring_pendulum() -> Result<Problem<DampedSpring>, StudyError> {
-    swinging((Gravity::earth(), (spring(0.5), Drag { quadratic: 0.2, ..Drag::default() })))
+pub fn damped_spring_pendulum() -> Result<Problem<SpringPendulum>, StudyError> {
+    swinging(0.5, Drag { quadratic: 0.2, ..Drag::default() })
 }
 
-fn spring(damping: f64) -> Spring {
-    Spring {
+fn swinging(damping: f64, drag: Drag) -> Result<Problem<SpringPendulum>, StudyError> {
+    let spring = Spring {
         anchor: Vector3::zeros(),
         attachment: Vector3::zeros(),
         stiffness: 20.0,
         damping,
         rest_length: 1.0,
-    }
-}
-
-fn swinging<F: ForceModel>(forces: F) -> Result<Problem<RigidBodySystem<F>>, StudyError> {
+    };
     let body = RigidBody::try_principal(1.0, Vector3::repeat(0.4))?;
     let initial = RigidBodyState {
         configuration: Pose { position: Vector3::new(1.2, 0.0, -0.3), ..Default::default() },
@@ -217,7 +212,7 @@ fn swinging<F: ForceModel>(forces: F) -> Result<Problem<RigidBodySystem<F>>, Stu
     };
     // The error of the reference is below 1e-13: halving the step moves it by less.
     let grid = TimeGrid::try_new(0.0, 2.0, 2.5e-4)?;
-    let system = RigidBodySystem::new(body, forces);
+    let system = RigidBodySystem::new(body, (Gravity::earth(), (spring, drag)));
     let reference = Run::by_stepper(&system, &RungeKuttaMuntheKaas4, grid).from(&initial)?.state;
     Problem::try_new(system, initial, 2.0, reference)
 }
