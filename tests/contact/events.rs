@@ -1,5 +1,6 @@
 //! Runs that locate events: what they guarantee in each kind of case.
 
+use crate::located_differences::RKMK8;
 use nalgebra::Vector3;
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
 use somersault_contact::event::EventKind;
@@ -14,7 +15,7 @@ use somersault_integrators::events::{
     Crossing, Frozen, Guard, Hybrid, HybridBodies, Interruption, Located, Location, Sweep,
 };
 use somersault_integrators::force::{ForceModel, Gravity, Wrench};
-use somersault_integrators::methods::{Dop853, Method, RungeKutta4, RungeKuttaMuntheKaas};
+use somersault_integrators::methods::{Method, RungeKutta4};
 use somersault_integrators::run::Run;
 use somersault_integrators::solution::Recorder;
 use somersault_integrators::state::{Pose, RigidBodyState, Twist};
@@ -34,8 +35,7 @@ fn run(method: Method, system: &BodyInContact<Gravity>, start: &RigidBodyState, 
 /// By `rkmk8`, of any system, without instantiating the whole table for it.
 fn run8<F: ForceModel>(system: &BodyInContact<F>, start: &RigidBodyState, end: f64, dt: f64) -> Found {
     let grid = TimeGrid::try_new(0.0, end, dt).unwrap();
-    let stepper = RungeKuttaMuntheKaas(Dop853);
-    Run::by_stepper(system, &stepper, grid).locating(Location::default()).from(start).unwrap()
+    Run::by_stepper(system, &RKMK8, grid).locating(Location::default()).from(start).unwrap()
 }
 
 fn kinds(run: &Found) -> Vec<EventKind> {

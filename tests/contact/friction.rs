@@ -197,7 +197,7 @@ fn given_stretches_are_laid_into_the_plane_of_contact_and_checked() {
 fn friction_with_a_stretch_is_refused_where_the_state_has_no_place_for_it() {
     let (system, start) = on_slope(Kind::Point, 0.1, 0.1, 0.0);
     let grid = TimeGrid::try_new(0.0, 1.0, 1e-2).unwrap();
-    let run = Run::new(&system, Method::Rkmk, grid).locating(Location::as_given());
+    let run = Run::by_stepper(&system, &RungeKuttaMuntheKaas4, grid).locating(Location::as_given());
     let error = run.from(&start).unwrap_err().reason;
     assert!(matches!(error, Interruption::Integrate(IntegrateError::Variables { .. })), "{error}");
     assert!(error.to_string().contains("WithStretches"), "{error}");

@@ -160,7 +160,8 @@ fn restitution_measured_is_restitution_asked() {
         let ground = Arc::new(HalfSpace::ground());
         let contact = Contact::try_new(Vector3::zeros(), ground, law).unwrap();
         let body = RigidBody::try_box(2.0, Vector3::repeat(0.1)).unwrap();
-        let system = BodyInContact::new(body, ((), Contacts::new(vec![contact])));
+        let weightless = Gravity { acceleration: Vector3::zeros() };
+        let system = BodyInContact::new(body, (weightless, Contacts::new(vec![contact])));
         let mut start = RigidBodyState::default();
         (start.configuration.position.z, start.rate.linear.z) = (0.01, -1.5);
         // With e = 0.01 the damper dominates: ζ = 9.2 and the fast exponent is 900/s.

@@ -1,5 +1,6 @@
 //! Where there is no derivative, and bad input.
 
+use crate::located_differences::RKMK8;
 use nalgebra::Vector3;
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
 use somersault_contact::laws::compliant::CompliantLaw;
@@ -12,11 +13,9 @@ use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Adaptive, IntegrateError, Steps, TimeGrid};
 use somersault_integrators::events::Interruption;
 use somersault_integrators::force::{Gravity, Wrench};
-use somersault_integrators::methods::{Dop853, Method, RungeKuttaMuntheKaas};
+use somersault_integrators::methods::Method;
 use somersault_integrators::state::RigidBodyState;
 use std::sync::Arc;
-
-const RKMK8: RungeKuttaMuntheKaas<Dop853> = RungeKuttaMuntheKaas(Dop853);
 
 fn ball() -> BouncingBall {
     BouncingBall::try_new(1.0, 0.1, CompliantLaw::try_new(400.0, 4.0).unwrap()).unwrap()

@@ -1,7 +1,7 @@
 //! Laws that a user defines: a hardening spring with a damper, viscous friction and a yielding bristle, held against
 //! an integration of their own, exact decays, the library's laws and differences of located runs.
 
-use crate::located_differences::{agrees_with_differences, differentiate};
+use crate::located_differences::{RKMK8, agrees_with_differences, differentiate};
 use nalgebra::Vector3;
 use somersault_contact::bodies::{BodiesInContact, BodyContacts, BodySphere, SpherePair};
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
@@ -333,7 +333,7 @@ fn a_users_friction_may_have_a_stretch() {
     let start = with.unstretched(at(-MASS * G / 2e3, Vector3::x() * speed));
     let grid = TimeGrid::try_new(0.0, end, 1e-3).unwrap();
     let location = Location::default();
-    let found = Run::new(&with, Method::Rkmk8, grid).locating(location).from(&start).unwrap();
+    let found = Run::by_stepper(&with, &RKMK8, grid).locating(location).from(&start).unwrap();
     let (bound, x) = (mu * MASS * G, found.state.base());
     let work = bound * (x.position().x - bound / k * (1.0 - (-k * x.position().x / bound).exp()));
     let lost = 0.5 * MASS * (speed * speed - x.velocity().x.powi(2));

@@ -1,5 +1,6 @@
 //! No allocation per step: the number of allocations of a run does not depend on its length.
 
+use somersault::integrators::force::BoxedForce;
 use somersault::integrators::state::RigidBodiesState;
 use somersault::integrators::system::{RigidBodiesSystem, RigidSystem, StateOf};
 use somersault::prelude::*;
@@ -46,20 +47,25 @@ fn the_counter_counts() {
     assert_eq!(allocations(|| drop(std::hint::black_box(Box::new(1)))), 1);
 }
 
+fn of_several(forces: impl Fn() -> Vec<BoxedForce>) -> RigidBodiesSystem<Vec<BoxedForce>> {
+    RigidBodiesSystem::try_new(boxes(), (0..3).map(|_| forces()).collect(), ()).unwrap()
+}
+
 #[test]
 fn no_step_allocates_for_one_body_or_several() {
     let weight = ConstantForce { force: Vector3::new(0.0, 0.0, -4.0), point: Vector3::new(0.1, 0.0, 0.5) };
-    let forces = (weight, Drag { linear: 0.2, quadratic: 0.1, angular: 0.1 });
+    let drag = Drag { linear: 0.2, quadratic: 0.1, angular: 0.1 };
+    let forced = || vec![Box::new((weight, drag)) as BoxedForce];
     let together = RigidBodiesState::from_bodies(&starts());
     for method in Method::ALL {
         let free = RigidBodySystem::free(boxes()[0]);
         check_fixed(method, &free, &starts()[0]);
-        let several = RigidBodiesSystem::try_new(boxes(), vec![(); 3], ()).unwrap();
+        // Their forces are of one type with those below, and the methods are compiled once for both.
+        let several = of_several(Vec::new);
         check_fixed(method, &several, &together);
         if method.info().orders.rotation_with_torque.is_some() {
-            check_fixed(method, &RigidBodySystem::new(boxes()[0], forces), &starts()[0]);
-            let several = RigidBodiesSystem::try_new(boxes(), vec![forces; 3], ()).unwrap();
-            check_fixed(method, &several, &together);
+            check_fixed(method, &RigidBodySystem::new(boxes()[0], forced()), &starts()[0]);
+            check_fixed(method, &of_several(forced), &together);
         }
         if method.info().embedded.is_some() {
             check_adaptive(method, &free, &starts()[0]);

@@ -313,28 +313,14 @@ fn several_bodies_move_as_each_alone() {
     let drag = Drag { linear: 0.2, quadratic: 0.1, angular: 0.1 };
     for method in Method::ALL {
         let torque = method.info().orders.rotation_with_torque.is_some();
-        let together: Vec<RigidBodyState> = if torque {
-            let system = RigidBodiesSystem::try_new(
-                boxes.to_vec(),
-                (0..3).map(|_| vec![Box::new((weight, drag)) as BoxedForce]).collect(),
-                (),
-            )
-            .unwrap();
-            let end = Run::new(&system, method, grid).from(&RigidBodiesState::from_bodies(&starts)).unwrap();
-            (0..3).map(|i| end.state.body(i).unwrap()).collect()
-        } else {
-            let system = RigidBodiesSystem::try_new(boxes.to_vec(), vec![(); 3], ()).unwrap();
-            let end = Run::new(&system, method, grid).from(&RigidBodiesState::from_bodies(&starts)).unwrap();
-            (0..3).map(|i| end.state.body(i).unwrap()).collect()
-        };
+        let forces = || if torque { vec![Box::new((weight, drag)) as BoxedForce] } else { Vec::new() };
+        let system =
+            RigidBodiesSystem::try_new(boxes.to_vec(), (0..3).map(|_| forces()).collect(), ()).unwrap();
+        let end = Run::new(&system, method, grid).from(&RigidBodiesState::from_bodies(&starts)).unwrap();
+        let together: Vec<RigidBodyState> = (0..3).map(|i| end.state.body(i).unwrap()).collect();
         for i in 0..3 {
-            let alone = if torque {
-                let system = under(boxes[i], (weight, drag));
-                Run::new(&system, method, grid).from(&starts[i]).unwrap().state
-            } else {
-                let system = RigidBodySystem::free(boxes[i]);
-                Run::new(&system, method, grid).from(&starts[i]).unwrap().state
-            };
+            let system = RigidBodySystem::new(boxes[i], forces());
+            let alone = Run::new(&system, method, grid).from(&starts[i]).unwrap().state;
             if matches!(method, Method::Imid | Method::Radau5) {
                 // Their iterations end for all bodies at once, a rounding or so later than for one.
                 assert!((alone.angular_velocity() - together[i].angular_velocity()).norm() < 1e-13);

@@ -24,6 +24,7 @@ use somersault::integrators::studies::{StudyError, silent};
 use somersault::integrators::system::{StateOf, System};
 use somersault::prelude::*;
 use somersault_core::argument::ArgumentError;
+use somersault_testkit::problems::under;
 use std::f64::consts::{PI, SQRT_2};
 use std::sync::LazyLock;
 
@@ -703,7 +704,7 @@ fn bad_arguments_are_named() {
 fn a_method_that_takes_no_torque_is_refused_under_torque() {
     let torque = ConstantTorque::World(Vector3::x());
     assert!(!torque.is_torque_free());
-    let system = RigidBodySystem::new(RigidBody::try_box(1.0, Vector3::repeat(1.0)).unwrap(), torque);
+    let system = under(RigidBody::try_box(1.0, Vector3::repeat(1.0)).unwrap(), torque);
     let problem = Problem::with_fine_run(system, RigidBodyState::default(), 1.0, Method::Rkmk, 0.01).unwrap();
     let refused = convergence(&problem, Method::Dmv2, Options::default(), &[0.1], &mut silent);
     assert!(refused.unwrap_err().to_string().contains("accepts no torque"));

@@ -10,16 +10,20 @@ use somersault_integrators::solution::Recorder;
 use somersault_integrators::state::{Pose, RigidBodyState};
 use somersault_integrators::stepper::MethodInfo;
 use somersault_integrators::system::RigidBodySystem;
-use somersault_integrators::{body::RigidBody, force::Spring};
+use somersault_integrators::{
+    body::RigidBody,
+    force::{BoxedForce, Spring},
+};
+use somersault_testkit::problems::under;
 use std::f64::consts::PI;
 
 /// A ball on a spring of 1 N/m and length 0: x = cos t, v = −sin t.
-fn oscillator() -> (RigidBodySystem<Spring>, RigidBodyState) {
+fn oscillator() -> (RigidBodySystem<Vec<BoxedForce>>, RigidBodyState) {
     let zero = Vector3::zeros();
     let spring = Spring { anchor: zero, attachment: zero, stiffness: 1.0, damping: 0.0, rest_length: 0.0 };
     let mut start = RigidBodyState::default();
     start.configuration.position.x = 1.0;
-    (RigidBodySystem::new(RigidBody::try_box(1.0, Vector3::repeat(0.1)).unwrap(), spring), start)
+    (under(RigidBody::try_box(1.0, Vector3::repeat(0.1)).unwrap(), spring), start)
 }
 
 fn grid(start: f64, end: f64, dt: f64) -> Steps {

@@ -1,5 +1,6 @@
 //! Surfaces that bodies of the tree carry: boards, platforms, conveyors.
 
+use crate::RKMK8;
 use nalgebra::{Matrix3, Vector3};
 use somersault_contact::contacts::Contact;
 use somersault_contact::laws::ContactLaw;
@@ -88,7 +89,7 @@ fn a_conveyor_is_ground_that_moves() {
         v[1] += start;
         let state = system.unstretched(model.state(&q, &v).unwrap());
         let grid = TimeGrid::try_new(0.0, 0.4, 1e-3).unwrap();
-        let run = Run::new(&system, Method::Rkmk8, grid).locating(Location::as_given());
+        let run = Run::by_stepper(&system, &RKMK8, grid).locating(Location::as_given());
         run.from(&state).unwrap()
     };
     let (ground_run, belt) = (run(None, 0.0), run(Some("carrier"), speed));

@@ -63,6 +63,7 @@ fn a_light_foot_on_a_slider_takes_steps_of_the_motion_at_order_5() {
 
 /// A [`HoppingLeg`] with a sole of 1 g that slides along the shank on a spring and damper, whose hip and knee are held by springs
 /// and dampers and bent.
+#[derive(Clone)]
 struct Soled(HoppingLeg);
 
 const SOLE: f64 = 1e-3;
@@ -104,15 +105,16 @@ impl Soled {
         builder.build().unwrap()
     }
 
-    fn on<'m>(self, model: &'m Model) -> TreeInContact<'m, Self> {
+    fn on<'m>(&self, model: &'m Model) -> TreeInContact<'m, Torques> {
         let law = ContactLaw::from(self.0.law).with_friction(self.0.friction);
         let foot = Contact::try_new(Vector3::zeros(), Arc::new(HalfSpace::ground()), law).unwrap();
         let foot = LinkContact::new("foot", "sole", foot);
-        TreeInContact::try_new(TreeSystem::new(model, self), vec![foot], vec![]).unwrap()
+        let forces: Torques = Box::new(self.clone());
+        TreeInContact::try_new(TreeSystem::new(model, forces), vec![foot], vec![]).unwrap()
     }
 
-    fn start(system: &TreeInContact<'_, Self>) -> TouchingState {
-        let (q, v) = system.tree().forces().0.start();
+    fn start(&self, system: &TreeInContact<'_, Torques>) -> TouchingState {
+        let (q, v) = self.0.start();
         let beside = |numbers: &[f64]| [numbers, &[0.0]].concat();
         system.unstretched(system.model().state(&beside(&q), &beside(&v)).unwrap())
     }
@@ -137,7 +139,7 @@ fn a_light_sole_on_hinges_takes_steps_of_the_motion() {
     let leg = Soled::new();
     let model = leg.model();
     let system = leg.on(&model);
-    let start = Soled::start(&system);
+    let start = leg.start(&system);
     let limit = 2.8 * SOLE / (GROUND[1] + DAMPING);
     let adapted = |method, tolerance| {
         let steps = Steps::adapted((0.0, 0.6), Adaptive::with_tolerances(tolerance, tolerance));

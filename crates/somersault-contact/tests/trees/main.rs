@@ -24,6 +24,7 @@ mod spatial_references;
 mod standing;
 
 use somersault_contact::tree::PlatformMotion;
+use somersault_integrators::methods::{Dop853, RungeKuttaMuntheKaas};
 use somersault_multibody::motion::TreeForces;
 use somersault_testkit::allocations::Counting;
 
@@ -31,6 +32,10 @@ use somersault_testkit::allocations::Counting;
 type Torques = Box<dyn TreeForces + Send + Sync>;
 /// Any motions of platforms, likewise.
 type Motions<'a> = &'a dyn Fn(f64, usize) -> PlatformMotion;
+
+/// The method of a run in a type of system of its own: any [`Method`](somersault_integrators::methods::Method) would have all
+/// methods compiled for it.
+const RKMK8: RungeKuttaMuntheKaas<Dop853> = RungeKuttaMuntheKaas(Dop853);
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;

@@ -286,8 +286,8 @@ fn steps_end_at_the_knots_of_a_profile() {
             Knots::try_new(&times, between).unwrap(),
             DMatrix::from_row_slice(1, 4, &forces),
         );
-        let system =
-            TreeInContact::try_new(TreeSystem::new(&model, profile.unwrap()), vec![], vec![]).unwrap();
+        let tree = TreeSystem::new(&model, Box::new(profile.unwrap()) as Torques);
+        let system = TreeInContact::try_new(tree, vec![], vec![]).unwrap();
         let start = system.unstretched(model.state(&[0.0], &[0.5]).unwrap());
         let fixed: Steps = TimeGrid::try_new(0.0, 0.5, 0.03).unwrap().into();
         let adapted = Steps::adapted((0.0, 0.5), Adaptive::default());

@@ -1,6 +1,6 @@
 //! Surfaces that move as given functions of time.
 
-use crate::Motions;
+use crate::{Motions, RKMK8};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use somersault_contact::ContactError;
 use somersault_contact::contacts::Contact;
@@ -146,7 +146,7 @@ fn a_table_keeps_the_pose_of_its_motion() {
         TreeInContact::try_new(scene.system((), &motion as Motions<'_>).unwrap(), vec![], vec![]).unwrap();
     let start = system.unstretched(scene.model().state(&q, &v).unwrap());
     let grid = TimeGrid::try_new(0.0, 1.0, 1e-2).unwrap();
-    let run = Run::new(&system, Method::Rkmk8, grid).from(&start).unwrap();
+    let run = Run::by_stepper(&system, &RKMK8, grid).from(&start).unwrap();
     let (found, _) = scene.start(&[0.0; 7], &[0.0; 6], |i| motion(1.0, i)).unwrap();
     let (found, q) = (&found[7..], &run.state.configuration.0.as_slice()[7..]);
     let sign = found[6].signum() * q[6].signum();

@@ -50,6 +50,7 @@ impl<'a, S: VectorField> Blend<'a, S> {
 }
 
 impl<S: VectorField> VectorField for Blend<'_, S> {
+    #[inline(always)]
     fn dimension(&self) -> usize {
         self.system.dimension()
     }

@@ -489,9 +489,11 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
             // sums of a length that the compiler knows stay in registers
             let mut known = [[0.0; N]; 3];
             let [fifth, third, large] = if N == ANY {
-                sums.each_mut().map(|sums| &mut sums[..n])
+                let [fifth, third, large] = sums;
+                [&mut fifth[..n], &mut third[..n], &mut large[..n]]
             } else {
-                known.each_mut().map(|sums| &mut sums[..])
+                let [fifth, third, large] = &mut known;
+                [&mut fifth[..], &mut third[..], &mut large[..]]
             };
             fifth.fill(0.0);
             third.fill(0.0);
@@ -516,8 +518,8 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
             self.integral_tolerance + relative * self.integral.abs().max((h * self.integrands[0]).abs());
         let of_integral = self.combine_scalar(main);
         if of_integral != 0.0 && scale > 0.0 {
-            let parts = [of_integral, self.combine_scalar(correction)].map(|part| (part / scale).powi(2));
-            size = larger(size, ratio(parts[0], parts[1], 1));
+            let correction = self.combine_scalar(correction);
+            size = larger(size, ratio((of_integral / scale).powi(2), (correction / scale).powi(2), 1));
         }
         h.abs() * size
     }

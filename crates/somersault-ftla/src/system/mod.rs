@@ -77,7 +77,7 @@ pub enum SystemError {
 /// A field that depends on time, ṗ = h(t, p), has no switches and implements the methods whose names end in `_at`, which flows call;
 /// the others are then those of the time zero. Where the field has no value it writes NaN, and [`fault`](Self::fault) says why.
 pub trait VectorField {
-    /// How many numbers a point has.
+    /// How many numbers a point has. Where it is a constant, `#[inline(always)]` keeps flows from being compiled for others.
     fn dimension(&self) -> usize;
 
     /// Writes h(p) to `h`.

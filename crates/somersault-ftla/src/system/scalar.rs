@@ -23,6 +23,7 @@ pub struct LinearRegulator;
 pub struct CubicRegulator;
 
 impl VectorField for LinearRegulator {
+    #[inline(always)]
     fn dimension(&self) -> usize {
         2
     }
@@ -48,6 +49,7 @@ impl HamiltonianSystem for LinearRegulator {
 }
 
 impl VectorField for CubicRegulator {
+    #[inline(always)]
     fn dimension(&self) -> usize {
         2
     }

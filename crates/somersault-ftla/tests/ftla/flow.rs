@@ -160,6 +160,7 @@ fn a_chain_is_the_transition_matrix_in_factors_of_bounded_growth() {
 struct Blowup;
 
 impl VectorField for Blowup {
+    #[inline(always)]
     fn dimension(&self) -> usize {
         1
     }
@@ -181,6 +182,7 @@ impl VectorField for Blowup {
 struct Cliff;
 
 impl VectorField for Cliff {
+    #[inline(always)]
     fn dimension(&self) -> usize {
         1
     }

@@ -230,6 +230,7 @@ fn subspaces_know_their_angles_complements_and_intersections() {
 struct Lorenz;
 
 impl VectorField for Lorenz {
+    #[inline(always)]
     fn dimension(&self) -> usize {
         3
     }
@@ -266,6 +267,7 @@ fn lorenz_exponents_are_those_of_the_literature() {
 struct HenonHeiles;
 
 impl VectorField for HenonHeiles {
+    #[inline(always)]
     fn dimension(&self) -> usize {
         4
     }

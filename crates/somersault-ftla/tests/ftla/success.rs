@@ -249,6 +249,7 @@ fn every_search_ends_at_its_limits_with_what_it_has() {
 struct Cliff;
 
 impl VectorField for Cliff {
+    #[inline(always)]
     fn dimension(&self) -> usize {
         2
     }

@@ -461,7 +461,7 @@ impl Problem {
     #[classmethod]
     fn spring_pendulum(cls: &Bound<'_, PyType>) -> Result<Self, Error> {
         let (py, problem) = (cls.py(), problem::spring_pendulum()?);
-        let (gravity, spring) = problem.system().forces;
+        let (gravity, (spring, _)) = problem.system().forces;
         let forces = (Gravity::of(py, gravity)?, Spring::of(py, spring)?).into_pyobject(py)?;
         under(&problem, &forces)
     }
