@@ -326,8 +326,10 @@ class ControlProblem:
 
         Collocation refines its mesh until estimated errors are below the tolerance. Where no motion is found
         from the guess, it starts again from one of minimum effort, on horizons of an eighth of the guess's
-        and longer until there is one. Where a tree has three driven joints or more, a duration that is given
-        and no guess, it starts from splines of the joints, and `message` says so.
+        and longer until there is one. Where no guess is given and the first program ends at a saddle, as
+        one may that is as symmetric as its start, it continues along a direction in which the Lagrangian
+        curves downwards. Where a tree has three driven joints or more, a duration that is given and no guess,
+        it starts from splines of the joints. `message` says so.
 
         Parameters
         ----------

@@ -470,3 +470,52 @@ fn swing_ups_within_bounds_are_found_from_coarse_and_fine_meshes() {
         assert!(spread < 1e-4 * costs[3], "{limit} N: {costs:?}");
     }
 }
+
+/// ẋ = ω × x: what stays on a sphere, pulled to the x axis. From there to the y axis the motion is in their plane and ½ ∫ θ̇² + sin²θ.
+struct Sphere {
+    pull: f64,
+}
+
+impl Dynamics for Sphere {
+    fn n_states(&self) -> usize {
+        3
+    }
+    fn n_controls(&self) -> usize {
+        3
+    }
+    fn rates<T: Scalar>(&self, at: &Point<'_, T>, rates: &mut [T]) {
+        let (x, w) = (at.state, at.control);
+        rates[0] = w[1] * x[2] - w[2] * x[1];
+        rates[1] = w[2] * x[0] - w[0] * x[2];
+        rates[2] = w[0] * x[1] - w[1] * x[0];
+    }
+}
+
+impl Terms for Sphere {
+    fn running_cost<T: Scalar>(&self, at: &Point<'_, T>) -> T {
+        let pulled = at.state[1] * at.state[1] + at.state[2] * at.state[2];
+        let effort = at.control.iter().fold(T::zero(), |sum, w| sum + *w * *w);
+        half::<T>() * (effort + pulled * nalgebra::convert::<f64, T>(self.pull))
+    }
+}
+
+/// The norm stays, so that of the six numbers at the ends one follows from the others, and discrete motions cannot meet it exactly.
+/// θ̇² = E + sin²θ with ∫ dθ/θ̇ = 1, by quadrature of SciPy, has the cost 1.47738010342561.
+#[test]
+fn ends_that_an_invariant_of_the_equations_joins_are_met_in_few_steps() {
+    let bounds = [Interval::FREE, Interval::new(-2.0, 2.0)];
+    for (pull, bound, exact) in [
+        (0.0, bounds[0], std::f64::consts::PI.powi(2) / 8.0),
+        (1.0, bounds[0], 1.47738010342561),
+        (1.0, bounds[1], 1.47738010342561),
+    ] {
+        let phase = Phase::new(Sphere { pull }, Sphere { pull })
+            .initial_state([1.0, 0.0, 0.0])
+            .final_state([0.0, 1.0, 0.0])
+            .control_bounds([bound; 3]);
+        let report = solve(phase, uniform(20, 3), 1e-6);
+        assert!((report.cost - exact).abs() < 1e-7, "{pull}, {bound:?}: {}", report.cost - exact);
+        let steps: usize = report.history.iter().map(|mesh| mesh.iterations).sum();
+        assert!(steps < 60, "{pull}, {bound:?}: {:?}", report.history);
+    }
+}

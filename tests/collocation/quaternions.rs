@@ -268,14 +268,18 @@ fn the_fastest_half_turn_is_that_of_bilimoria_and_wie_whatever_the_sign_or_the_t
 }
 
 #[test]
-fn the_straight_line_leads_to_the_turn_about_the_axis() {
+fn a_half_turn_from_a_straight_line_leaves_the_turn_about_the_axis() {
     let phase = turning(Cost::Time)
         .initial_state([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
         .final_state([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])
         .horizon(0.0, Interval::new(1.0, 6.0))
         .control_bounds([Interval::new(-1.0, 1.0); 3]);
-    let found = solved(vec![phase], Vec::new(), 1e-6);
-    assert!((found.cost - 2.0 * PI.sqrt()).abs() < 1e-6);
+    let found = solved(vec![phase], Vec::new(), 1e-4);
+    assert!((found.cost - 3.24308327745233).abs() < 1e-6, "{}: {:?}", found.cost, found.history);
+    // the turn about the axis is an extremal: a saddle
+    let saddle = &found.history[0];
+    assert!(saddle.is_start && (saddle.cost - 2.0 * PI.sqrt()).abs() < 1e-3, "{}", saddle.cost);
+    assert!(found.origin.contains("saddle of cost 3.54"), "{}", found.origin);
 }
 
 #[test]
@@ -357,6 +361,20 @@ impl Dynamics for Spin {
         rates[2] = (q[3] * w[2] + q[0] * w[1] - q[1] * w[0]) * half;
         rates[3] = -(q[0] * w[0] + q[1] * w[1] + q[2] * w[2]) * half;
     }
+}
+
+#[test]
+fn a_quaternion_of_four_numbers_is_turned_though_its_norm_is_given_at_both_ends() {
+    let phase = Phase::new(Spin, Cost::Effort).initial_state([0.0, 0.0, 0.0, 1.0]).final_state([
+        0.0,
+        0.0,
+        0.5f64.sqrt(),
+        0.5f64.sqrt(),
+    ]);
+    let found = solved(vec![phase], Vec::new(), 1e-6);
+    assert!((found.cost - PI * PI / 8.0).abs() < 1e-8, "{}", found.cost);
+    let steps: usize = found.history.iter().map(|mesh| mesh.iterations).sum();
+    assert!(steps < 60, "{:?}", found.history);
 }
 
 #[test]

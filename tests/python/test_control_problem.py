@@ -592,8 +592,13 @@ def test_what_cannot_be_polished_says_why() -> None:
         problem.polish(found, max_time=0.0)
     late = problem.polish(found, max_time=1e-9)
     assert late.verdict == "refused" and late.message == "refused: the limit of time was reached"
-    with pytest.raises(TypeError, match="polish again"):
+    with pytest.raises(TypeError, match=r"a PolishResult holds functions .* polish again"):
         pickle.dumps(problem.polish(found))
+    searched = problem.search(1, method="indirect")
+    with pytest.raises(TypeError, match=r"a SearchResult of method='indirect' .* polish again"):
+        pickle.dumps(searched)
+    kept = pickle.loads(pickle.dumps(searched.best.found))
+    assert problem.polish(kept).verdict == searched.best.verdict
     with pytest.raises(somersault.errors.InputError):
         BLOCK().polish(found)
 

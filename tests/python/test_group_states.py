@@ -88,11 +88,14 @@ def test_the_fastest_half_turn_is_that_of_bilimoria_and_wie() -> None:
     exact = half_turn().polish(found)
     assert exact.verdict == "strict_minimum" and exact.residual < 1e-10, exact.message
     assert abs(exact.cost - FASTEST) < 1e-13 and len(exact.arcs) == 6
-    # that about the axis is an extremal on which two controls are singular
-    straight = half_turn().solve()
-    assert straight.success and abs(straight.cost - 2 * np.sqrt(np.pi)) < 1e-6
-    refused = half_turn().polish(straight)
-    assert refused.verdict == "refused" and "singular" in refused.message
+
+
+def test_the_fastest_half_turn_is_found_from_a_straight_line_which_leads_to_a_saddle() -> None:
+    found = half_turn().solve(method="indirect")
+    assert found.verdict == "strict_minimum" and abs(found.cost - FASTEST) < 1e-12, found.message
+    saddle = found.found.meshes[0]
+    assert saddle["is_start"] and abs(saddle["cost"] - 2 * np.sqrt(np.pi)) < 1e-3
+    assert "saddle of cost 3.54" in found.found.message
 
 
 def test_a_hub_with_an_arm_is_polished() -> None:

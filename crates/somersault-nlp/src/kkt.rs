@@ -217,6 +217,31 @@ impl Kkt {
     /// other, or rounding leaves no digits.
     pub(crate) fn solve(&mut self, q: &[f64], targets: &[f64], p: &mut [f64], y: &mut [f64]) -> bool {
         let n = self.n;
+        self.set_out(targets, p, y);
+        self.start[..n].copy_from_slice(p);
+        self.start[n..].copy_from_slice(&y[n..]);
+        let mut accurate = self.improve(q, targets, p, &mut y[n..], REFINEMENTS, Self::refine);
+        if !accurate {
+            p.copy_from_slice(&self.start[..n]);
+            y[n..].copy_from_slice(&self.start[n..]);
+            accurate = self.improve(q, targets, p, &mut y[n..], CYCLES, Self::cycle);
+        }
+        self.hold(q, p, y) && accurate
+    }
+
+    /// Solves without taking ε out again: A p − ε (y − y₀) = d for the multipliers y₀ that y holds, so that rows which hardly
+    /// differ are met as far as their multipliers need not be huge for it. False where rounding leaves no digits.
+    pub(crate) fn solve_near(&mut self, q: &[f64], targets: &[f64], p: &mut [f64], y: &mut [f64]) -> bool {
+        let n = self.n;
+        self.set_out(targets, p, y);
+        self.residuals(q, targets, p, &y[n..]);
+        self.refine(p, &mut y[n..]);
+        self.hold(q, p, y)
+    }
+
+    /// Brings p and y to where a solve may start.
+    fn set_out(&self, targets: &[f64], p: &mut [f64], y: &mut [f64]) {
+        let n = self.n;
         for i in 0..n {
             p[i] = if self.active[i] == Activity::Free { p[i] } else { targets[i] };
         }
@@ -227,20 +252,16 @@ impl Kkt {
             p.fill(0.0);
             y.fill(0.0);
         }
-        self.start[..n].copy_from_slice(p);
-        self.start[n..].copy_from_slice(&y[n..]);
-        let mut accurate = self.improve(q, targets, p, &mut y[n..], REFINEMENTS, Self::refine);
-        if !accurate {
-            p.copy_from_slice(&self.start[..n]);
-            y[n..].copy_from_slice(&self.start[n..]);
-            accurate = self.improve(q, targets, p, &mut y[n..], CYCLES, Self::cycle);
-        }
-        // What holds a variable at its bound is what stationarity lacks there.
+    }
+
+    /// Writes the multipliers of bounds: what holds a variable there is what stationarity lacks. Whether all numbers are finite.
+    fn hold(&mut self, q: &[f64], p: &[f64], y: &mut [f64]) -> bool {
+        let n = self.n;
         self.dual_residual(q, p, &y[n..]);
         for i in 0..n {
             y[i] = if self.active[i] == Activity::Free { 0.0 } else { self.residual[i] };
         }
-        accurate && p.iter().chain(y.iter()).all(|x| x.is_finite())
+        p.iter().chain(y.iter()).all(|x| x.is_finite())
     }
 
     /// Takes `most` steps, or as many as help. Whether the residual is small in the end.

@@ -20,7 +20,8 @@
 //! **Step.** [`Sqp`] takes Newton's step on its working set, a quadratic program with equalities, by one sparse
 //! LDLᵀ factorisation (QDLDL), exchanging rows while bounds or signs of multipliers are violated. Where that does not
 //! end, clarabel solves the program with inequalities and tells the working set (Morales, Nocedal & Wu 2012), from which
-//! the primal active-set method exchanges rows one by one if need be. Where
+//! the primal active-set method exchanges rows one by one if need be. Where rows hardly differ, the step is stabilised: they are
+//! met as far as multipliers stay near those of the last iteration (Wright 1998; Gill & Robinson 2013). Where
 //! the linearised constraints contradict each other, or want multipliers beyond 10⁴ max(1, ‖∇f‖∞), the violations
 //! are penalised instead (elastic mode; Gill, Murray & Saunders 2005), with a weight that is raised until they fall.
 //!
@@ -49,7 +50,8 @@
 //! call the same points infeasible. Without a Hessian it takes the same quasi-Newton approximations as [`Sqp`].
 //!
 //! **Sensitivity.** [`Sensitivity`] differentiates a solution with respect to the values of fixed variables, of equalities and of
-//! other bounds that hold it, by the factors of one more KKT matrix (Fiacco 1983).
+//! other bounds that hold it, by the factors of one more KKT matrix (Fiacco 1983). [`negative_curvature`] says whether a solution is a
+//! saddle, as where a start and a program are symmetric and a minimum is not, and in which direction it is left.
 //!
 //! **Advice.** A strong penalty on a nonlinear function, or a long integration, bends a narrow valley, along which
 //! every method creeps. Make the function's value and the state at a few nodes variables, with equalities: the same
@@ -57,7 +59,8 @@
 //!
 //! References: J. Nocedal & S. Wright, Numerical Optimization (2006). A. Wächter & L. Biegler, Math. Program. 106
 //! (2006) 25–57. R. Fletcher & S. Leyffer, Math. Program. 91 (2002) 239–269. J. Morales, J. Nocedal & Y. Wu, IMA J. Numer. Anal. 32 (2012) 553–579. P. Gill, W. Murray &
-//! M. Saunders, SIAM Review 47 (2005) 99–131. M. Hintermüller, K. Ito & K. Kunisch, SIAM J. Optim. 13 (2002) 865–888.
+//! M. Saunders, SIAM Review 47 (2005) 99–131. S. Wright, Comput. Optim. Appl. 11 (1998) 253–275. P. Gill & D. Robinson, SIAM J. Optim.
+//! 23 (2013) 1983–2010. M. Hintermüller, K. Ito & K. Kunisch, SIAM J. Optim. 13 (2002) 865–888.
 //! P. Goulart & Y. Chen, Clarabel, arXiv:2405.12762 (2024). D. Janka, C. Kirches, S. Sager & A. Wächter, Math.
 //! Program. Comput. 8 (2016) 435–459. A. Fiacco, Introduction to Sensitivity and Stability Analysis in Nonlinear Programming
 //! (1983). D. Bertsekas, SIAM J. Control Optim. 20 (1982) 221–246.
@@ -98,7 +101,7 @@ pub use multi_start::{
 pub use nlp::{Bounds, Curvature, EvaluationError, Nlp, NoEntry, NoHessian, Pattern, Structure};
 pub use program::Exhausted;
 pub use report::{Counts, Iteration, KktResiduals, Report, Start, Status};
-pub use sensitivity::{Derivative, Held, NoDerivative, Sensitivity};
+pub use sensitivity::{Derivative, Held, NoDerivative, Sensitivity, negative_curvature};
 pub use solver::NlpSolver;
 pub use somersault_core::cancel::Flow;
 pub use sqp::{Globalisation, HessianSource, Sqp};

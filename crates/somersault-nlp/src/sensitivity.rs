@@ -1,4 +1,4 @@
-//! Derivatives of a solution with respect to the values that hold it.
+//! Derivatives of a solution with respect to the values that hold it, and whether it is a saddle.
 //!
 //! Where z solves a program with multipliers y and the active set A does not change, the conditions of Karush, Kuhn and Tucker
 //! are equations, and the theorem on implicit functions differentiates them (Fiacco 1983, theorem 3.2.2):
@@ -11,7 +11,7 @@
 
 use crate::error::SolverError;
 use crate::kkt::{Activity, Kkt};
-use crate::nlp::{Curvature, EvaluationError, Nlp};
+use crate::nlp::{Curvature, EvaluationError, Nlp, Structure};
 use crate::program::{Point, Program, check_vector, max_norm};
 use crate::report::Start;
 use somersault_core::random::SplitMix64;
@@ -25,6 +25,13 @@ const FLAT: f64 = 1e-10;
 /// What may be added to the Hessian, relative to its size, where a pivot vanishes; refinement takes it out again.
 const REGULARISATIONS: [f64; 4] = [1e-9, 1e-8, 1e-7, 1e-6];
 const INVERSE_ITERATIONS: usize = 3;
+/// Curvature, relative to the largest entry of the Hessian, that is clearly negative; factors by which shifts rise, and the largest one.
+const CLEAR: f64 = 1e-6;
+const SHIFT_RISE: f64 = 10.0;
+const MOST_SHIFT: f64 = 1e4;
+/// Steps of inverse iteration, and the relative change of the curvature at which there are enough.
+const DESCENT_ITERATIONS: usize = 30;
+const SETTLED: f64 = 0.1;
 /// Derivatives beyond this, relative to the point, are those of constraints that depend on each other but for rounding.
 const STEEPEST: f64 = 1e5;
 
@@ -84,6 +91,46 @@ pub struct Derivative {
     pub constraint_multipliers: Vec<f64>,
 }
 
+/// The conditions of Karush, Kuhn and Tucker at a solution.
+struct Conditions {
+    structure: Structure,
+    hessian: Vec<f64>,
+    jacobian: Vec<f64>,
+    /// ∇f + Jᵀ y.
+    slope: Vec<f64>,
+    active: Vec<Activity>,
+    weak: Vec<Held>,
+}
+
+impl Conditions {
+    fn try_new(nlp: &mut dyn Nlp, z: &[f64], y: &[f64]) -> Result<Self, NoDerivative> {
+        let mut program = Program::new(nlp)?;
+        if program.curvature() != Curvature::Exact {
+            return Err(NoDerivative::NoHessian);
+        }
+        check_vector("y", y, program.n_constraints())?;
+        let mut point = program.start(&Start::from(z))?;
+        program.evaluate(&mut point)?;
+        program.differentiate(&mut point)?;
+        let mut slope = point.gradient.clone();
+        program.structure.jacobian.add_transposed_product(&point.jacobian, y, &mut slope);
+        let mut held = vec![0.0; program.n_variables()];
+        let residual = program.residuals(&point, y, max_norm(&point.gradient), &mut held).max();
+        if residual.is_nan() || residual > SOLVED {
+            return Err(NoDerivative::NotSolved { residual });
+        }
+        let mut hessian = vec![0.0; program.structure.hessian.n_entries()];
+        program.hessian(z, 1.0, y, &mut hessian)?;
+        let (active, weak) = activities(&program, &point, &held, y);
+        Ok(Self { structure: program.structure, hessian, jacobian: point.jacobian, slope, active, weak })
+    }
+
+    fn kkt(&self) -> Result<Kkt, SolverError> {
+        let Structure { hessian, jacobian, .. } = &self.structure;
+        Ok(Kkt::try_new(hessian, jacobian)?.with_regularisations(&REGULARISATIONS))
+    }
+}
+
 /// A solution, ready to be differentiated.
 pub struct Sensitivity {
     kkt: Kkt,
@@ -101,28 +148,11 @@ pub struct Sensitivity {
 impl Sensitivity {
     /// At a solution with the multipliers of its constraints: one factorisation.
     pub fn try_new(nlp: &mut dyn Nlp, z: &[f64], y: &[f64]) -> Result<Self, NoDerivative> {
-        let mut program = Program::new(nlp)?;
-        if program.curvature() != Curvature::Exact {
-            return Err(NoDerivative::NoHessian);
-        }
-        let (n, m) = (program.n_variables(), program.n_constraints());
-        check_vector("y", y, m)?;
-        let mut point = program.start(&Start::from(z))?;
-        program.evaluate(&mut point)?;
-        program.differentiate(&mut point)?;
-        let mut slope = point.gradient.clone();
-        program.structure.jacobian.add_transposed_product(&point.jacobian, y, &mut slope);
-        let mut held = vec![0.0; n];
-        let residual = program.residuals(&point, y, max_norm(&point.gradient), &mut held).max();
-        if residual.is_nan() || residual > SOLVED {
-            return Err(NoDerivative::NotSolved { residual });
-        }
-        let mut hessian = vec![0.0; program.structure.hessian.n_entries()];
-        program.hessian(z, 1.0, y, &mut hessian)?;
-        let (active, weak) = activities(&program, &point, &held, y);
-        let mut kkt = Kkt::try_new(&program.structure.hessian, &program.structure.jacobian)?
-            .with_regularisations(&REGULARISATIONS);
-        if !kkt.factor(&hessian, 0.0, &point.jacobian, &active)
+        let conditions = Conditions::try_new(nlp, z, y)?;
+        let (n, m) = (z.len(), y.len());
+        let mut kkt = conditions.kkt()?;
+        let Conditions { hessian, jacobian, slope, active, weak, .. } = conditions;
+        if !kkt.factor(&hessian, 0.0, &jacobian, &active)
             || is_flat(&mut kkt, n, n + m, FLAT * max_norm(&hessian))
         {
             return Err(NoDerivative::NotIsolated);
@@ -156,6 +186,56 @@ impl Sensitivity {
         }
         Ok(Derivative { cost, z, constraint_multipliers: y.split_off(n) })
     }
+}
+
+/// A direction along the active constraints in which the Lagrangian curves downwards at a solution z with the multipliers y, its largest
+/// entry one: what is left of the cost falls along it and against it, so that the point is a saddle and no minimum. None where there is
+/// no such direction, or none beyond rounding.
+///
+/// The shift that makes the Hessian positive definite along the active constraints is found by factorisations (Sylvester), and the
+/// direction by inverse iteration with that of the last.
+pub fn negative_curvature(nlp: &mut dyn Nlp, z: &[f64], y: &[f64]) -> Result<Option<Vec<f64>>, NoDerivative> {
+    let conditions = Conditions::try_new(nlp, z, y)?;
+    let mut kkt = conditions.kkt()?;
+    let Conditions { hessian, jacobian, active, .. } = conditions;
+    let (n, size) = (z.len(), max_norm(&hessian));
+    let mut shift = 0.0;
+    while !kkt.factor(&hessian, shift, &jacobian, &active) {
+        shift = (SHIFT_RISE * shift).max(CLEAR * size);
+        if size == 0.0 || shift > MOST_SHIFT * size {
+            return Ok(None);
+        }
+    }
+    // with the first shift nothing curves downwards clearly
+    if shift <= CLEAR * size {
+        return Ok(None);
+    }
+    let mut random = SplitMix64::new(0);
+    let mut slope: Vec<f64> = (0..n).map(|_| random.unit() - 0.5).collect();
+    let targets = vec![0.0; n + y.len()];
+    let (mut found, mut last) = (None, 0.0);
+    for _ in 0..DESCENT_ITERATIONS {
+        let (mut p, mut multipliers) = (vec![0.0; n], vec![0.0; n + y.len()]);
+        if !kkt.solve(&slope, &targets, &mut p, &mut multipliers) {
+            break;
+        }
+        let [along, squared] = [&slope, &p].map(|x| x.iter().zip(&p).map(|(a, b)| a * b).sum::<f64>());
+        if squared == 0.0 {
+            break;
+        }
+        let (length, largest) = (squared.sqrt(), max_norm(&p));
+        // pᵀ (H + σ 1) p = −qᵀ p
+        let curvature = -along / squared - shift;
+        if curvature < -CLEAR * size {
+            found = Some(p.iter().map(|p| p / largest).collect());
+            if (curvature - last).abs() <= SETTLED * curvature.abs() {
+                break;
+            }
+        }
+        last = curvature;
+        slope.iter_mut().zip(&p).for_each(|(q, p)| *q = p / length);
+    }
+    Ok(found)
 }
 
 /// Whether the least curvature along the active constraints, by inverse iteration from a random slope, is below `least`.

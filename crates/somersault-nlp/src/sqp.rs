@@ -298,7 +298,7 @@ impl<'a> Run<'a> {
             return Ok(Advance::Ended(Status::Infeasible));
         }
         for attempt in 0..REPAIRS {
-            let origin = self.subproblem.solve(&self.point, &self.hessian, self.floor, violation);
+            let origin = self.subproblem.solve(&self.point, &self.hessian, &self.y, self.floor, violation);
             if self.program.is_late() {
                 return Ok(Advance::Ended(Status::TimeLimit));
             }

@@ -8,7 +8,10 @@
 //!    tried with the rows that are active there (as in SQP+, Morales, Nocedal & Wu 2012), and then the primal active-set
 //!    method from there. Where the shift is not zero it hides what bounds alone hold in place, such as a control that
 //!    switches between its own: before that, rows come from a model that is nearly linear.
-//! 3. Where the linearised constraints contradict each other, or can be met only with huge multipliers, the
+//! 3. Where rows hardly differ, as conditions at both ends do that an invariant of the equations of motion joins, exact steps
+//!    have huge multipliers or cannot be computed: then Newton's step is stabilised, J p − ε (y − y₀) = d with the multipliers y₀
+//!    of the last iteration (Wright 1998; Gill & Robinson 2013), and meets all rows but for what makes them contradict each other.
+//! 4. Where the linearised constraints contradict each other beyond that, or can be met only with huge multipliers, the
 //!    elastic program with weight ρ has a solution.
 
 mod restoration;
@@ -25,6 +28,11 @@ use std::time::Instant;
 const EXCHANGES: usize = 6;
 /// Multipliers that are not trusted, relative to ‖∇f‖∞ (Gill, Murray & Saunders 2005 take the same).
 const HUGE_MULTIPLIER: f64 = 1e4;
+/// Sum of violations at which rows may contradict each other, and one that counts as zero.
+const LITTLE: f64 = 1e-5;
+const NOTHING: f64 = 1e-9;
+/// Multiple of the last multipliers beyond which those of a step jump.
+const JUMP: f64 = 2.0;
 /// Exchanges of one row at a time, after clarabel.
 const SINGLE_EXCHANGES: usize = 100;
 /// Shift, relative to ‖H‖, that may hide what bounds hold.
@@ -40,7 +48,7 @@ const LAST_WEIGHT: f64 = 1e8;
 pub(crate) enum Origin {
     /// The working set; a second-order correction is possible.
     WorkingSet,
-    /// The convex program.
+    /// The convex program, or the working set with rows that are met as far as their multipliers need not be huge.
     Convex,
     /// The elastic program.
     Elastic,
@@ -57,6 +65,10 @@ pub(crate) struct Subproblem {
     upper: Vec<f64>,
     targets: Vec<f64>,
     trial_set: Vec<Activity>,
+    /// The working set of the last iteration.
+    last_set: Vec<Activity>,
+    /// Whether the equations of Newton's step were left with errors.
+    is_inexact: bool,
     empty_set: Vec<Activity>,
     no_hessian: Vec<f64>,
     /// When no step is computed any more.
@@ -101,6 +113,8 @@ impl Subproblem {
             upper: vec![0.0; n + m],
             targets: vec![0.0; n + m],
             trial_set: vec![Activity::Free; n + m],
+            last_set: vec![Activity::Free; n + m],
+            is_inexact: false,
             empty_set: vec![Activity::Free; n + m],
             no_hessian: vec![0.0; hessian.pattern.n_entries()],
             deadline: None,
@@ -184,11 +198,12 @@ impl Subproblem {
         }
     }
 
-    /// The step at a point; `floor` is the least shift. None if no step can be computed.
+    /// The step at a point with the multipliers `y`; `floor` is the least shift. None if no step can be computed.
     pub(crate) fn solve(
         &mut self,
         point: &Point,
         hessian: &Hessian,
+        y: &[f64],
         floor: f64,
         violation: f64,
     ) -> Option<Origin> {
@@ -196,19 +211,68 @@ impl Subproblem {
         let n = point.z.len();
         let slope = max_norm(&point.gradient).max(1.0);
         self.weight = self.weight.max(FIRST_WEIGHT * slope);
+        self.last_set.copy_from_slice(&self.active);
         self.trial_set.copy_from_slice(&self.active);
         self.p.fill(0.0);
         self.y.fill(0.0);
-        let origin = if self.newton(point, hessian, floor, EXCHANGES) {
-            Some(Origin::WorkingSet)
-        } else {
-            self.convex(point, hessian, floor)
-        };
-        let tolerable =
-            origin.is_some() && (violation == 0.0 || max_norm(&self.y[n..]) <= HUGE_MULTIPLIER * slope);
-        let origin = if tolerable { origin } else { self.elastic(point, hessian, floor, violation) };
+        self.is_inexact = false;
+        let is_tolerable = |y: &[f64]| max_norm(y) <= HUGE_MULTIPLIER * slope;
+        // what is left of the violation may be that of equations which contradict each other by as little
+        let is_nearly_feasible = violation <= LITTLE
+            && self.active[n..].iter().all(|row| matches!(row, Activity::Equal | Activity::Free));
+        let jumps = |own: &Self| max_norm(&own.y[n..]) > JUMP * max_norm(y).max(slope);
+        let mut origin = self.newton(point, hessian, floor, EXCHANGES).then_some(Origin::WorkingSet);
+        if is_nearly_feasible && (self.is_inexact || origin.is_some() && jumps(self)) {
+            origin = if self.stabilised(point, hessian, y, floor, violation) {
+                Some(Origin::Convex)
+            } else {
+                self.trial_set.copy_from_slice(&self.last_set);
+                self.p.fill(0.0);
+                self.y.fill(0.0);
+                self.newton(point, hessian, floor, EXCHANGES).then_some(Origin::WorkingSet)
+            };
+        }
+        origin = origin.or_else(|| self.convex(point, hessian, floor));
+        if origin.is_none() || violation > 0.0 && !is_tolerable(&self.y[n..]) {
+            origin = self.elastic(point, hessian, floor, violation);
+        }
         self.measure(point, hessian);
         origin
+    }
+
+    /// Newton's step from the working set of the last iteration, whose rows are met as far as multipliers stay near `y`. True if its
+    /// set is the right one, its rows are met but for little, and multipliers do not jump.
+    fn stabilised(
+        &mut self,
+        point: &Point,
+        hessian: &Hessian,
+        y: &[f64],
+        floor: f64,
+        violation: f64,
+    ) -> bool {
+        let n = point.z.len();
+        let mut shift = floor;
+        self.trial_set.copy_from_slice(&self.last_set);
+        for _ in 0..=EXCHANGES {
+            self.set_targets();
+            self.p.fill(0.0);
+            self.y[..n].fill(0.0);
+            self.y[n..].copy_from_slice(y);
+            if !self.factor_convex(point, hessian, &mut shift, true)
+                || !self.kkt.solve_near(&point.gradient, &self.targets, &mut self.p, &mut self.y)
+            {
+                return false;
+            }
+            if !self.exchange(point) {
+                self.shift = shift;
+                self.active.copy_from_slice(&self.trial_set);
+                self.measure(point, hessian);
+                let largest = max_norm(y).max(max_norm(&point.gradient)).max(1.0);
+                return self.left_violation <= violation.max(NOTHING)
+                    && max_norm(&self.y[n..]) <= JUMP * largest;
+            }
+        }
+        false
     }
 
     /// Newton's step on the set in `trial_set`, with exchanges. True if it solves the quadratic program.
@@ -216,9 +280,11 @@ impl Subproblem {
         let mut shift = floor;
         for _ in 0..=exchanges {
             self.set_targets();
-            if !self.factor_convex(point, hessian, &mut shift, true)
-                || !self.kkt.solve(&point.gradient, &self.targets, &mut self.p, &mut self.y)
-            {
+            if !self.factor_convex(point, hessian, &mut shift, true) {
+                return false;
+            }
+            if !self.kkt.solve(&point.gradient, &self.targets, &mut self.p, &mut self.y) {
+                self.is_inexact = true;
                 return false;
             }
             if !self.exchange(point) {

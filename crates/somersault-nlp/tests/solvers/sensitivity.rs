@@ -3,7 +3,9 @@
 use crate::hock_schittkowski::all;
 use crate::problems::{Differentiated, FREE, INF, Problem, ZERO};
 use num_dual::DualNum;
-use somersault_nlp::{Held, NlpSolver, NoDerivative, Report, Sensitivity, Sqp, Start, Status};
+use somersault_nlp::{
+    Held, NlpSolver, NoDerivative, Report, Sensitivity, Sqp, Start, Status, negative_curvature,
+};
 
 /// The point of x₁ + p x₂ ≥ 1 nearest to the origin, with p a variable that is fixed: x = (1, p)/(1 + p²).
 fn nearest(p: f64) -> Problem {
@@ -129,4 +131,36 @@ fn points_without_derivatives_are_named() {
     let mut program = touching.program();
     let sensitivity = sensitivity(&mut program, &report).unwrap();
     assert_eq!(sensitivity.weakly_active(), [Held::Variable(0)]);
+}
+
+/// Least x² − y² − ½ z² on the unit sphere: from (2, 0, 0) all is symmetric, and (1, 0, 0) is a maximum of all three.
+fn on_the_sphere() -> Problem {
+    Problem::new("on the sphere", &[2.0, 0.0, 0.0], &[], &[ZERO], -1.0, |z| {
+        let squares = z.iter().fold(z[0] * 0.0, |sum, z| sum + *z * *z);
+        vec![z[0] * z[0] - z[1] * z[1] - z[2] * z[2] * 0.5, squares - 1.0]
+    })
+}
+
+#[test]
+fn a_saddle_has_a_direction_of_negative_curvature_and_a_minimum_has_none() {
+    let problem = on_the_sphere();
+    let direction = |report: &Report| {
+        negative_curvature(&mut problem.program(), &report.z, &report.constraint_multipliers).unwrap()
+    };
+    let saddle = solved(&problem, &problem.start.as_slice().into());
+    assert_eq!(saddle.status, Status::Converged);
+    assert!((saddle.cost - 1.0).abs() < 1e-9, "{}", saddle.cost);
+    let along = direction(&saddle).expect("a direction");
+    // tangent, and nearly along y, where the curvature −4 is twice that along z or more
+    assert!(along[0].abs() < 1e-9 && along[1].abs() == 1.0 && along[2].abs() < 0.5, "{along:?}");
+    let start: Vec<f64> = saddle.z.iter().zip(&along).map(|(z, d)| z + 0.3 * d).collect();
+    let minimum = solved(&problem, &start.into());
+    assert!((minimum.cost + 1.0).abs() < 1e-9, "{}", minimum.cost);
+    assert_eq!(direction(&minimum), None);
+    // a linear program has no curvature
+    let linear = Problem::new("linear", &[1.0], &[(0.0, INF)], &[], 0.0, |z| vec![z[0]]);
+    assert_eq!(negative_curvature(&mut linear.program(), &[0.0], &[]).unwrap(), None);
+    // of a point that solves nothing there is nothing to say
+    let unsolved = negative_curvature(&mut problem.program(), &[0.5, 0.1, 0.0], &[0.0]);
+    assert!(matches!(unsolved, Err(NoDerivative::NotSolved { .. })));
 }

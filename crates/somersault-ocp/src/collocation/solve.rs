@@ -7,7 +7,7 @@ use super::guess::Guess;
 use super::limited::Limited;
 use super::mesh::Mesh;
 use super::optimality::{Accuracy, IntervalOptimality, optimality};
-use super::problem::Problem;
+use super::problem::{Phase, Problem};
 use super::radau::MAX_POINTS;
 use super::refinement;
 use super::solution::{PhaseSolution, RestMultipliers};
@@ -18,7 +18,7 @@ use somersault_core::argument::{expect_positive, expect_range};
 use somersault_core::cancel::CancellationToken;
 use somersault_nlp::{
     Counts, EvaluationError, Exhausted, Flow, Globalisation, Iteration, KktResiduals, NlpSolver, Report,
-    SolverError, Sqp, Start, Status,
+    SolverError, Sqp, Start, Status, negative_curvature,
 };
 use std::error::Error;
 use std::time::{Duration, Instant};
@@ -32,6 +32,12 @@ const WORTHWHILE: f64 = 0.5;
 const CREEPING: usize = 2;
 /// Tolerance of the programs in units of the error of derivatives, where that is more.
 const NOISE: f64 = 10.0;
+/// Saddles that the program of a first mesh may be led away from, one after the other, and how far: the largest change of a variable, in
+/// its scale.
+const MOST_SADDLES: usize = 3;
+const AWAY: f64 = 0.3;
+/// What a cost must fall by, relative to one and itself, for the program to have been at a saddle.
+const LOWER: f64 = 1e-6;
 /// Relative defect from which on a motion is not coarse but none.
 pub(crate) const NO_MOTION: f64 = 1e-2;
 
@@ -93,8 +99,8 @@ pub enum CollocationStatus {
 pub struct MeshRecord {
     /// One for each phase.
     pub meshes: Vec<Mesh>,
-    /// Whether the program was for a start, and its errors are [unknown](Accuracy::UNKNOWN): one of splines, or one of minimum effort on
-    /// a fixed horizon, whose cost is the effort.
+    /// Whether the program was for a start, and its errors are [unknown](Accuracy::UNKNOWN): one of splines, one of minimum effort on
+    /// a fixed horizon, whose cost is the effort, or one that ended at a saddle.
     pub is_start: bool,
     /// Cost as the program sees it.
     pub cost: f64,
@@ -193,6 +199,9 @@ impl<E: Into<CollocationError>> From<E> for SearchError {
     }
 }
 
+/// What a function of the user failed with.
+type Failure = Box<dyn Error + Send + Sync>;
+
 /// Where a search begins.
 #[derive(Clone, Copy)]
 pub(crate) enum Origin<'a> {
@@ -223,7 +232,8 @@ impl Collocation {
 
 impl<S: NlpSolver> Collocation<S> {
     /// Solves, from the guesses of the phases and from `meshes`, one for each phase. Where the first program has no motion, the
-    /// search starts again from one of minimum effort, on horizons of an eighth of the guess's and longer until there is one.
+    /// search starts again from one of minimum effort, on horizons of an eighth of the guess's and longer until there is one. Where it
+    /// ends at a saddle ([`negative_curvature`]) and no guess was given, the search continues to a lower cost.
     /// `on_iteration` sees each step of each program, and ends the search by [`Flow::Stop`].
     pub fn solve(
         &self,
@@ -339,7 +349,7 @@ impl<S: NlpSolver> Collocation<S> {
         &self,
         problem: &mut Problem,
         meshes: &[Mesh],
-        source: Box<dyn Error + Send + Sync>,
+        source: Failure,
     ) -> Result<CollocationReport, SearchError> {
         let mut transcription = Transcription::try_new(problem, meshes)?;
         let z = transcription.decision_of_guess();
@@ -380,7 +390,10 @@ impl<S: NlpSolver> Collocation<S> {
         token: &CancellationToken,
         left: &mut Option<usize>,
     ) -> Result<CollocationReport, SearchError> {
-        let tried_before = history.len();
+        // a guess may ask for what is no minimum, such as a turn by more than a whole one
+        let is_guessed = problem.phases.iter().any(Phase::is_guessed);
+        let mut tried_before = history.len();
+        let mut said = String::new();
         let mut meshes = meshes.to_vec();
         let mut previous: Option<(Vec<PhaseSolution>, RestMultipliers)> = None;
         loop {
@@ -394,8 +407,30 @@ impl<S: NlpSolver> Collocation<S> {
                     transcription.repeated(&solution.phases, &solution.program)?
                 }
             };
-            let (program, mut failure) =
+            let (mut program, mut failure) =
                 self.solved(&mut transcription, &start, on_iteration, token, left)?;
+            let is_first = previous.is_none() && !matches!(origin, Origin::Solution(_));
+            if failure.is_none() && is_first && !is_guessed {
+                let saddles;
+                (saddles, failure) =
+                    self.leave_saddles(&mut transcription, &mut program, on_iteration, token, left)?;
+                if let Some(saddle) = saddles.first() {
+                    said = format!(
+                        "The first program ended at a saddle of cost {:.6}, from which the search continued to a lower cost.",
+                        saddle.cost
+                    );
+                }
+                history.extend(saddles.iter().map(|saddle| MeshRecord {
+                    meshes: meshes.clone(),
+                    is_start: true,
+                    cost: saddle.cost,
+                    accuracy: Accuracy::UNKNOWN,
+                    status: saddle.status,
+                    iterations: saddle.iterations,
+                    time: began.elapsed(),
+                }));
+                tried_before = history.len();
+            }
             let mut record = MeshRecord {
                 meshes: meshes.clone(),
                 is_start: false,
@@ -442,18 +477,60 @@ impl<S: NlpSolver> Collocation<S> {
             let is_cut = token.is_cancelled();
             if is_cut || is_met || runs_away || is_last || creeps || is_spent || !is_usable(&program) {
                 let ended = (is_spent && !is_met).then_some(Status::EvaluationLimit);
-                return self.report(problem, phases, history, program, (runs_away, ended), token);
+                let report = self.report(problem, phases, history, program, (runs_away, ended), token)?;
+                return Ok(CollocationReport { origin: said, ..report });
             }
             let wishes = refinement::wishes(&errors, &optimal, size, self.tolerance);
             let finer = meshes.iter().zip(&wishes).map(|(mesh, wishes)| self.refined(mesh, wishes));
             // no finer mesh is left, or it would be too large
             let finer: Vec<Mesh> = match finer.collect::<Result<_, _>>() {
                 Ok(finer) if finer != meshes => finer,
-                _ => return self.report(problem, phases, history, program, (runs_away, None), token),
+                _ => {
+                    let report = self.report(problem, phases, history, program, (runs_away, None), token)?;
+                    return Ok(CollocationReport { origin: said, ..report });
+                }
             };
             meshes = finer;
             previous = Some((phases, rest));
         }
+    }
+
+    /// Leads the program of a first mesh away from saddles, in which one may end that is as symmetric as its start. Returned are the
+    /// reports of those that were left, and what a function of the user failed with.
+    fn leave_saddles(
+        &self,
+        transcription: &mut Transcription<'_>,
+        program: &mut Report,
+        on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
+        token: &CancellationToken,
+        left: &mut Option<usize>,
+    ) -> Result<(Vec<Report>, Option<Failure>), CollocationError> {
+        let mut saddles = Vec::new();
+        'saddles: while program.status.is_converged() && saddles.len() < MOST_SADDLES {
+            let mut limited = Limited { nlp: &mut *transcription, left: &mut *left, token };
+            // what cannot be evaluated there is said by what follows
+            let Ok(Some(direction)) =
+                negative_curvature(&mut limited, &program.z, &program.constraint_multipliers)
+            else {
+                break;
+            };
+            for distance in [AWAY, -AWAY] {
+                let away = program.z.iter().zip(&direction).map(|(z, d)| z + distance * d);
+                let start = away.collect::<Vec<_>>().into();
+                let (found, failure) = self.solved(transcription, &start, on_iteration, token, left)?;
+                if failure.is_some() || is_ended(found.status) {
+                    program.status = found.status;
+                    return Ok((saddles, failure));
+                }
+                let margin = LOWER * program.cost.abs().max(1.0);
+                if found.status.is_converged() && found.cost < program.cost - margin {
+                    saddles.push(std::mem::replace(program, found));
+                    continue 'saddles;
+                }
+            }
+            break;
+        }
+        Ok((saddles, None))
     }
 
     /// Whether finer meshes have ceased to help: what they leave are errors of the program.
@@ -523,7 +600,7 @@ impl<S: NlpSolver> Collocation<S> {
         on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
         token: &CancellationToken,
         left: &mut Option<usize>,
-    ) -> Result<(Report, Option<Box<dyn Error + Send + Sync>>), CollocationError> {
+    ) -> Result<(Report, Option<Failure>), CollocationError> {
         match self.solver.solve(&mut Limited { nlp: transcription, left, token }, start, on_iteration) {
             Ok(report) => Ok((report, None)),
             Err(SolverError::Failed { source, report }) => Ok((*report, Some(source))),
@@ -553,7 +630,7 @@ fn ended(
     phases: Vec<PhaseSolution>,
     history: Vec<MeshRecord>,
     program: Report,
-    source: Box<dyn Error + Send + Sync>,
+    source: Failure,
 ) -> Result<CollocationReport, SearchError> {
     let spent = source.downcast_ref::<Exhausted>().map(|exhausted| exhausted.status());
     let report = CollocationReport {

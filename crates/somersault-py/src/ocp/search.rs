@@ -1,13 +1,14 @@
 //! Many starts, and their results.
 
 use super::arguments::tolerance;
-use super::collocation::CollocationOutcome;
+use super::collocation::{CollocationOutcome, PolishResult};
 use super::solver::Report;
 use super::verification::Verifier;
 use crate::core::convert::a_type;
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, value};
 use crate::core::waiting::{Cancellation, attend, deliver};
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 use somersault::nlp::{
@@ -50,6 +51,8 @@ impl<S: NlpSolver + Send + Sync> SearchArguments<S> {
 }
 
 /// Result of a search from many starts.
+///
+/// One of ``method='indirect'`` is not pickled: keep the problem and the `found` of each result, and polish again.
 #[pyclass(frozen, module = "somersault.ocp")]
 pub(crate) struct SearchResult {
     minima: Vec<Py<PyAny>>,
@@ -172,6 +175,12 @@ impl SearchResult {
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, search) = (slf.py(), slf.get());
+        let mut results = search.minima.iter().chain(&search.unfinished);
+        if results.any(|found| found.bind(py).is_instance_of::<PolishResult>()) {
+            return Err(PyTypeError::new_err(
+                "a SearchResult of method='indirect' holds functions of its problem: keep that and the `found` of each result, and polish again",
+            ));
+        }
         let arguments = (
             all(py, &search.minima),
             search.starts.clone(),

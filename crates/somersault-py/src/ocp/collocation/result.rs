@@ -255,7 +255,7 @@ impl CollocationResult {
     }
 
     /// list of dict: All meshes: ``n_intervals``, ``n_points``, ``is_start`` (whether splines, or minimum effort on a fixed
-    /// horizon, were sought for a start, with no estimated errors), ``cost``, estimated errors, relative, of the states (``error``),
+    /// horizon, were sought for a start, or a saddle was left, with no estimated errors), ``cost``, estimated errors, relative, of the states (``error``),
     /// the cost (``cost_error``), the costates (``costate_error``) and the Hamiltonian (``hamiltonian_error``), the ``violation`` of
     /// bounds of states between the points, ``status`` of the program, ``nit`` and ``seconds``.
     #[getter]
