@@ -250,7 +250,7 @@ def test_a_terminal_event_backwards_counts_its_direction_along_the_run() -> None
     assert motion.t.tolist() == [10.0, 9.5, 5.0]
     np.testing.assert_allclose(motion.position[:, 0], np.cos(motion.t), rtol=0.0, atol=1e-9)
     np.testing.assert_allclose(motion.velocity[:, 0], -np.sin(motion.t), rtol=0.0, atol=1e-9)
-    assert motion.sol is not None and motion.sol.t_min == 10.0
+    assert motion.sol is not None and (motion.sol.t_min, motion.sol.t_max) == (motion.t_events[0][-1], 10.0)
     assert motion.sol(7.0).position[0] == pytest.approx(np.cos(7.0), abs=1e-9)
     with pytest.raises(InputError, match="`t` must be within the times integrated"):
         motion.sol(4.0)
@@ -385,6 +385,9 @@ def test_what_an_event_raises_comes_out_with_the_solution_so_far() -> None:
     solution = raised.value.solution  # type: ignore[attr-defined]
     assert solution.status == -2 and solution.t[-1] == pytest.approx(0.5)
     assert solution.t_events[0] == pytest.approx([0.2])
+    (note,) = raised.value.__notes__
+    who, t = note.split(" at t = ")
+    assert who == f"raised by `events[0]` ({fails.__qualname__})" and float(t) > 0.55
 
 
 def test_solutions_with_events_are_pickled_and_drawn() -> None:

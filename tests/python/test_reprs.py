@@ -276,7 +276,7 @@ MADE: dict[str, Callable[[], Any]] = {
     "Plate": lambda: forces.Plate(1 / 3, (1 / 3, 0.2, 1 / 7), (0.1, 0.2, 0.3), 1 / 3, 1 / 7),
     "AerodynamicDrag": lambda: forces.AerodynamicDrag(ORBIT, [forces.Plate(1.0, (0, 0, 1))] * 20, 1e-12 / 3),
     "SolarPressure": lambda: forces.SolarPressure((1 / 3, 0.2, 1 / 7), [forces.Plate(1.0, (0, 0, 1))] * 20),
-    "ReactionWheels": lambda: forces.ReactionWheels(np.eye(3), 1 / 3),
+    "ReactionWheels": lambda: forces.ReactionWheels(np.eye(3), 0.0, 1 / 3),
     "ControlMomentGyros": lambda: forces.ControlMomentGyros([(0, 0, 1)], [(1, 0, 0)], 1 / 3),
     "Drag": lambda: forces.Drag(1 / 3, 2 / 3, 1 / 7),
     "Force": lambda: forces.Force((1 / 3, 2 / 3, 1 / 7), (0.1, 0.2, 0.3)),

@@ -247,8 +247,7 @@ def _of_trajectory(trajectory: Trajectory) -> Track:
     t = times(seen.t)
     if sol is not None and len(t) > 1:
         n = int(np.clip((t[-1] - t[0]) / FINE, 10 * len(t), _LARGEST)) + 1
-        first, last = sorted((sol.t_min, sol.t_max))
-        t = np.linspace(first, last, n)
+        t = np.linspace(sol.t_min, sol.t_max, n)
         seen = sol(t)
     shape = (len(t), -1, 3)
     position = np.asarray(seen.position).reshape(shape)

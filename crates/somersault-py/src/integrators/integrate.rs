@@ -1,6 +1,6 @@
 //! The front door: integration of one body or of several.
 
-use crate::core::callable::{Failure, check_callable};
+use crate::core::callable::{Failure, callable_name, check_callable, noted};
 use crate::core::convert::{integer, integer_or_none, interval_of, with_shape};
 use crate::core::error::Error;
 use crate::core::waiting::returns_interrupted;
@@ -79,8 +79,10 @@ fn run<B: Bodies>(
     given: Given,
 ) -> Result<Py<Solution>, Error> {
     let watch = observer.map(|observer| -> Watch<B::Configuration> {
+        let name = callable_name(observer.bind(py));
         Box::new(move |py, t, x| {
-            let answer = observer.call1(py, (t, B::Configuration::to_python(py, x)?))?;
+            let answer = observer.call1(py, (t, B::Configuration::to_python(py, x)?));
+            let answer = noted(py, answer, || format!("the observer {name} at t = {t}"))?;
             answer.bind(py).is_truthy()
         })
     });
@@ -352,7 +354,7 @@ pub(crate) fn integrate<'py>(
         if interaction.is_some() {
             return Err(Error::input("`interaction` acts between several bodies, and there is one"));
         }
-        let (body, mut models) = (cast.bodies[0], reader.sum("forces", forces)?);
+        let (body, mut models) = (cast.bodies[0], reader.sum("forces", &cast.bodies[0], forces)?);
         if pairs.is_some() {
             return Err(Error::input("`pairs` touch between several bodies, and there is one"));
         }
@@ -378,7 +380,7 @@ pub(crate) fn integrate<'py>(
             run(py, cast, &bodies, &initial[0], &plan, watching(bar), given)
         }
     } else {
-        let each = reader.for_each("forces", cast.bodies.len(), forces)?;
+        let each = reader.for_each("forces", &cast.bodies, forces)?;
         let initial = State::from_bodies(&initial);
         if contacts.is_some() || pairs.is_some() {
             if interaction.is_some() {

@@ -1,7 +1,7 @@
 //! Motion of trees under joint forces, with joints that may be driven.
 
 use crate::contact::tree::{LinkEvent, PickledTouches, TreeContactList, TreeTouches, stretched};
-use crate::core::callable::{Failure, check_callable};
+use crate::core::callable::{Failure, callable_name, check_callable, noted};
 use crate::core::convert::{array, finite_all, integer, integer_or_none, interval_of, times, with_shape};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, value};
@@ -88,7 +88,7 @@ pub(crate) struct TreeDenseOutput {
 trait Curves {
     /// The state at a time.
     fn at(&self, t: f64) -> Option<TreeState>;
-    /// First and last time.
+    /// The least and the greatest time.
     fn span(&self) -> (f64, f64);
 }
 
@@ -97,16 +97,16 @@ impl<Q: OfTree> Curves for solution::Solution<Q> {
         self.at(t).map(|x| Q::tree(&x))
     }
     fn span(&self) -> (f64, f64) {
-        let first = self.times.first().copied().unwrap_or(f64::NAN);
-        (first, self.segments.last().map_or(first, |(end, _)| *end))
+        let (first, last) = self.span().unwrap_or((f64::NAN, f64::NAN));
+        (first.min(last), first.max(last))
     }
 }
 
 value! {
     impl TreeDenseOutput {
-        /// float: First time.
+        /// float: The least time; of a run backwards that of its end, as in SciPy.
         t_min: f64 = |own| own.curves.span().0;
-        /// float: Last time.
+        /// float: The greatest time; of a run backwards that of its start.
         t_max: f64 = |own| own.curves.span().1;
     }
 }
@@ -521,10 +521,12 @@ impl Requested<'_, '_> {
     ) -> Result<Monitor<Q>, Error> {
         let tree = &self.model.get().model;
         let watch = self.observer.as_ref().map(|observer| -> Watch<Q> {
+            let name = callable_name(observer);
             let (observer, model) = (observer.clone().unbind(), self.model.clone().unbind());
             Box::new(move |py, t, x| {
                 let (q, v) = coordinates(&model.get().model, x)?;
-                let answer = observer.call1(py, (t, PyArray1::from_vec(py, q), PyArray1::from_vec(py, v)))?;
+                let answer = observer.call1(py, (t, PyArray1::from_vec(py, q), PyArray1::from_vec(py, v)));
+                let answer = noted(py, answer, || format!("the observer {name} at t = {t}"))?;
                 answer.bind(py).is_truthy()
             })
         });
