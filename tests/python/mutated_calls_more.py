@@ -46,7 +46,9 @@ forces.GravityGradient(orbit)
 forces.MagneticDipole((1.0, 2.0, 3.0), (0.1, 0.2, 0.3), orbit)
 forces.AerodynamicDrag(orbit, [plate, plate], 1e-12, 2.2)
 forces.SolarPressure((0.0, 0.0, 1.0), [plate], 4.5e-6)
-wheels = forces.ReactionWheels(np.eye(3), 0.01, 0.3, [[0.1, 0.2, 0.3], [0.0, 0.1, 0.0]], [0.5, 2.0], body=body)
+wheels = forces.ReactionWheels(
+    np.eye(3), 0.01, 0.3, [[0.1, 0.2, 0.3], [0.0, 0.1, 0.0]], [0.5, 2.0], body=body
+)
 wheels.momentum(1.0)
 wheels.wheel_momenta([0.0, 1.0])
 gyros = forces.ControlMomentGyros([(0.0, 0.0, 1.0)], [(1.0, 0.0, 0.0)], 0.5, 0.1, 0.2)

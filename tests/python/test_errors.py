@@ -206,14 +206,16 @@ def test_what_a_force_raises_comes_out(method: str) -> None:
     with pytest.raises(Trouble) as caught:
         run(forces=force, method=method, dense_output=True)
     t = caught.value.args[0]
-    assert 0.5 < t < 0.53 and caught.value.__notes__ == [f"raised by the force {force.__qualname__} at t = {t}"]
+    assert 0.5 < t < 0.53 and caught.value.__notes__ == [
+        f"raised by the force {force.__qualname__} at t = {t}"
+    ]
 
 
 def test_what_an_observer_raises_comes_out() -> None:
     def observer(t: float, state: State) -> None:
         raise Trouble(t)
 
-    with pytest.raises(Trouble, match="0.01") as caught:
+    with pytest.raises(Trouble) as caught:
         run(observer=observer)
     assert caught.value.__notes__ == [f"raised by the observer {observer.__qualname__} at t = 0.01"]
 

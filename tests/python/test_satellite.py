@@ -1,6 +1,7 @@
 """Torques on satellites, wheels and gyros: their integrals, small motions, closed forms and bad input."""
 
 import pickle
+from typing import Any
 
 import numpy as np
 import pytest
@@ -205,21 +206,23 @@ def test_rotors_refuse_a_body_that_does_not_carry_them(body: RigidBody, state: S
     other = RigidBody(2.0, 2.0 * body.inertia)
     for model, wrong in ((wheels(body), body), (gyros, other)):
         assert model.carrier is not None and model.carrier != wrong
-        named = f"`{{}}` must act on the `carrier` of its {type(model).__name__}, {model.carrier}, found {wrong}"
-        calls = {
-            "forces": [
-                lambda: somersault.integrate(wrong, state, (0.0, 1.0), dt=0.1, forces=[model]),
-                lambda: somersault.integrate([wrong], [state], (0.0, 1.0), dt=0.1, forces=model),
-                lambda: somersault.Stepper(wrong, state, 0.0, 1.0, dt=0.1, forces=model),
-                lambda: somersault.studies.Problem(wrong, state, 1.0, reference=state, forces=model),
-            ],
-            "body": [lambda: model.wrench(0.0, wrong, state)],
-        }
-        for argument, refused in calls.items():
-            for call in refused:
-                with pytest.raises(somersault.InputError) as caught:
-                    call()
-                assert str(caught.value) == named.format(argument)
+        calls: list[tuple[str, Any, Any]] = [
+            ("forces", somersault.integrate, (wrong, state, (0.0, 1.0))),
+            ("forces", somersault.integrate, ([wrong], [state], (0.0, 1.0))),
+            ("forces", somersault.Stepper, (wrong, state, 0.0, 1.0)),
+            ("forces", somersault.studies.Problem, (wrong, state, 1.0)),
+            ("body", model.wrench, (0.0, wrong, state)),
+        ]
+        for argument, call, arguments in calls:
+            options = {
+                somersault.studies.Problem: {"reference": state, "forces": model},
+                model.wrench: {},
+            }.get(call, {"dt": 0.1, "forces": [model]})
+            with pytest.raises(somersault.InputError) as caught:
+                call(*arguments, **options)
+            kind = type(model).__name__
+            named = f"`{argument}` must act on the `carrier` of its {kind}, {model.carrier}, found {wrong}"
+            assert str(caught.value) == named
         # the mass plays no part, and neither does rounding
         alike = RigidBody(7.0, model.carrier.inertia * (1.0 + 1e-12))
         somersault.integrate(alike, state, (0.0, 0.1), dt=0.1, forces=model)
@@ -252,7 +255,10 @@ def test_schedules_are_linear_between_their_times() -> None:
             "`times` must be increasing",
         ),
         (lambda: forces.ReactionWheels([(0, 0, 1)], 9.0, body=RigidBody.sphere(1.0, 1.0)), "`body`"),
-        (lambda: forces.ReactionWheels([(0, 0, 1)], 0.1), "`body` must be given where `inertias` are not zero"),
+        (
+            lambda: forces.ReactionWheels([(0, 0, 1)], 0.1),
+            "`body` must be given where `inertias` are not zero",
+        ),
         (
             lambda: forces.ReactionWheels([(0, 0, 1)], 0.0, torques=[[1], [1]], times=[-1.5e308, 1.5e308]),
             "`torques` must be of a finite integral over `times`, found inf",
