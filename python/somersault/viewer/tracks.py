@@ -119,9 +119,11 @@ def _steps(vectors: Array) -> NDArray[np.bool_]:
 
 
 def _of_solution(solution: TreeSolution) -> Track:
-    t = times(solution.t)
+    # in the order of time, where it was found backwards
+    order = slice(None, None, -1 if len(solution.t) > 1 and solution.t[-1] < solution.t[0] else 1)
+    t = times(solution.t[order])
     if solution.sol is None:
-        return _of_tree(solution.model, t, solution.q, solution.v)
+        return _of_tree(solution.model, t, solution.q[order], solution.v[order])
     n = int(np.clip((t[-1] - t[0]) / FINE, len(t), _LARGEST)) + 1
     moments = np.linspace(solution.sol.t_min, solution.sol.t_max, n) if len(t) > 1 else t
     return _of_tree(solution.model, moments, *solution.sol(moments))

@@ -29,6 +29,9 @@ use somersault::integrators::system::{
     BoxedInteraction, RigidBodiesSystem, RigidBodySystem, RigidSystem, StateOf,
 };
 
+/// Why a run with contacts goes forwards.
+pub(crate) const FORWARD_WITH_CONTACTS: &str = "`interval` must run forward where there are contacts: they dissipate, and many motions lead to one state";
+
 /// A body without forces. Counting would hide from the methods that they can skip the forces.
 struct Free(RigidBodySystem);
 
@@ -322,9 +325,7 @@ pub(crate) fn integrate<'py>(
     }
     let events = events.map(|events| EventFunctions::extract("f(t, state)", events)).transpose()?;
     if backwards && (contacts.is_some() || pairs.is_some()) {
-        return Err(Error::input(
-            "`interval` must run forward where there are contacts: they dissipate, and many motions lead to one state",
-        ));
+        return Err(Error::input(FORWARD_WITH_CONTACTS));
     }
     let failure = Failure::default();
     let calls_python = observer.is_some() || events.is_some();
