@@ -440,7 +440,13 @@ def _grown(problem: _Problem, x: Array, turns: Array, sigma: float) -> _Fit | No
             # keep the rotation vector small, where it is a chart
             base, x = base * Rotation.from_rotvec(x[5:8]), np.concatenate([x[:5], np.zeros(3), x[8:]])
             if whole:
-                return _Fit(x, base, problem.residuals(x, base, part))
+                fit = _Fit(x, base, problem.residuals(x, base, part))
+                size = math.sqrt(fit.square / len(fit.residuals))
+                if size > 0.5 * sigma or size < _ROUNDING:
+                    return fit
+                # ties are those of the noise that there is; once more with less
+                sigma = max(0.5 * size, 0.1 * _ROUNDING)
+                continue
         reach *= _GROWTH
 
 
