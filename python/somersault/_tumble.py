@@ -33,7 +33,7 @@ _FAR = 2.0
 _WINDOWS, _REACH = (2, 4, 8, 16, 32), 2.0
 #: The turn of the first horizon of a fit, rad, and the factor by which horizons grow.
 _FIRST, _GROWTH = 3.0, 1.8
-#: Starts of the inertia by chance, after those by local rates; once a fit leaves nothing but noise, starts so
+#: Starts of the inertia by chance, after those by local rates; once a fit leaves noise alone, starts so
 #: far from it in search of another inertia that fits as well.
 _CHANCES, _RIVALS, _NEAR = 6, 3, 0.2
 #: Standard deviations from which another inertia is another one.
@@ -380,7 +380,7 @@ def _linear_inertia(problem: _Problem, numbers: Array, rates: Array) -> Array | 
 
 
 def _fitted(problem: _Problem, turns: Array, noise: float | None) -> list[_Fit]:
-    """Fits from several starts, the best first; few more once one leaves nothing but noise."""
+    """Fits from several starts, the best first; few more once one leaves noise alone."""
     starts: list[tuple[Array, Array]] = []
     rough, spin = math.nan, None
     for width in _WINDOWS:
