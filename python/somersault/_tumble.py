@@ -526,7 +526,8 @@ def _judged(problem: _Problem, fits: list[_Fit], noise: float | None, level: flo
 
     def errors(function: Callable[[Array], Array]) -> Array:
         slopes = _differences(function, fit.x)
-        return np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", slopes, covariance, slopes), 0.0))
+        variances = np.einsum("ij,jk,ik->i", slopes, covariance, slopes)
+        return np.asarray(np.sqrt(np.maximum(variances, 0.0)), dtype=float)
 
     def at_start(x: Array) -> State:
         found: State = FreeBody(*problem.state(x, fit.base))(first)
@@ -647,8 +648,8 @@ def _rival(fits: list[_Fit], axes: Array, within: Array, sigma: float) -> Array 
     for other in fits[1:]:
         as_likely = other.square - fits[0].square < sigma**2 * stats.chi2.isf(_SURE, 5)
         if as_likely and (np.abs(_in_axes(other.x, axes) - _in_axes(fits[0].x, axes)) > allowed).any():
-            moments: Array = np.linalg.eigvalsh(_inertia_of(other.x[:5]))
-            return moments / moments[2]
+            moments = np.linalg.eigvalsh(_inertia_of(other.x[:5]))
+            return np.asarray(moments / moments[2], dtype=float)
     return None
 
 

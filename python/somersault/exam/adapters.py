@@ -282,7 +282,7 @@ def _on_hinges(scene: ExamScene) -> tuple[list[float], list[float]]:
     return angles, rates
 
 
-def _off_hinges(scene: ExamScene, angles: Sequence[float], rates: Sequence[float]) -> Array:
+def _off_hinges(scene: ExamScene, angles: Array, rates: Array) -> Array:
     """The state of the bodies, from the angles and rates of their hinges."""
     found = np.zeros_like(scene.y0)
     for hinge, angle, rate in zip(scene.hinges, angles, rates, strict=True):
