@@ -4,7 +4,8 @@ Readers bring files to one convention: m, s, x forward, y left and z up. A `Mark
 named markers, with gaps; a `SkeletonRecording` a tree of joints and how they turned; a `KeypointRecording`
 what a pose estimator found; a `ChannelRecording` named numbers. Their `repairs` list what was put right in a
 file. A `MarkerFit` lays a model with a `MarkerSet` over markers; `reconstruct_flight` finds the flight behind
-them by the laws of flight, with its angular momentum, and `analyse` says what it was and what to do; `Pca`,
+them by the laws of flight, with its angular momentum, and `analyse` says what it was and what to do;
+`estimate_inertia` has the moments of a free rigid body, up to a factor, from its attitudes; `Pca`,
 `project` and `GroupComparison` describe motions; a `ScoringModel` learns scores, and `validate` measures
 how accurate they are.
 
@@ -52,6 +53,8 @@ from somersault._body_models import read_amass
 from somersault._markers import low_pass, place_markers
 from somersault._somersault import motion as _extension
 from somersault._somersault.motion import *  # noqa: F403
+from somersault._tumble import InertiaEstimate, estimate_inertia
 
-__all__ = ["FlightAnalysis", "analyse", "low_pass", "place_markers", "read_amass"]
+__all__ = ["FlightAnalysis", "InertiaEstimate", "analyse", "estimate_inertia", "low_pass", "place_markers"]
+__all__ += ["read_amass"]
 __all__ += _extension.__all__

@@ -166,7 +166,7 @@ def run(
     mode, t, end, times = scene.first, 0, a.fixed(scene.duration), []
     while t < end:
         series = a.series(rates[mode], state)
-        h = min(end - t, _step(a, series))
+        h = min(end - t, step_within(a, series))
         roots = [
             (root, guard)
             for guard, record in zip(scene.modes[mode].guards, guards[mode], strict=True)
@@ -222,7 +222,7 @@ def _start(scene: exam.ExamScene, change: Fraction) -> list[Fraction]:
     return found
 
 
-def _step(a: Arithmetic, series: list[list[int]]) -> int:
+def step_within(a: Arithmetic, series: list[list[int]]) -> int:
     """The step after which the last two terms are below the rounding."""
     least = math.inf
     for n in (a.terms - 1, a.terms):

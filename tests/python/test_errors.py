@@ -205,14 +205,19 @@ def test_what_a_force_raises_comes_out(method: str) -> None:
 
     with pytest.raises(Trouble) as caught:
         run(forces=force, method=method, dense_output=True)
-    assert 0.5 < caught.value.args[0] < 0.53
+    t = caught.value.args[0]
+    assert 0.5 < t < 0.53 and caught.value.__notes__ == [
+        f"raised by the force {force.__qualname__} at t = {t}"
+    ]
 
 
 def test_what_an_observer_raises_comes_out() -> None:
     def observer(t: float, state: State) -> None:
         raise Trouble(t)
 
-    raises(Trouble, "0.01", lambda: run(observer=observer))
+    with pytest.raises(Trouble) as caught:
+        run(observer=observer)
+    assert caught.value.__notes__ == [f"raised by the observer {observer.__qualname__} at t = 0.01"]
 
 
 def test_what_an_interaction_raises_comes_out() -> None:
@@ -220,7 +225,9 @@ def test_what_an_interaction_raises_comes_out() -> None:
         raise Trouble("between")
 
     two = {"body": [BODY, BODY], "state": [START, START]}
-    raises(Trouble, "between", lambda: run(**two, interaction=interaction))
+    with pytest.raises(Trouble, match="between") as caught:
+        run(**two, interaction=interaction)
+    assert caught.value.__notes__ == [f"raised by the interaction {interaction.__qualname__} at t = 0"]
     message = "must return a pair (force, torque), each of shape (2, 3)"
     raises(errors.InputError, message, lambda: run(**two, interaction=lambda t, states: None))
 

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 import somersault
-from somersault import RigidBody, State, forces, integrate, multibody
+from somersault import RigidBody, State, contact, forces, integrate, multibody
 from somersault.contact import CompliantLaw, Contact, HalfSpace, bouncing_ball
 from somersault.errors import InputError
 
@@ -250,7 +250,7 @@ def test_a_terminal_event_backwards_counts_its_direction_along_the_run() -> None
     assert motion.t.tolist() == [10.0, 9.5, 5.0]
     np.testing.assert_allclose(motion.position[:, 0], np.cos(motion.t), rtol=0.0, atol=1e-9)
     np.testing.assert_allclose(motion.velocity[:, 0], -np.sin(motion.t), rtol=0.0, atol=1e-9)
-    assert motion.sol is not None and motion.sol.t_min == 10.0
+    assert motion.sol is not None and (motion.sol.t_min, motion.sol.t_max) == (motion.t_events[0][-1], 10.0)
     assert motion.sol(7.0).position[0] == pytest.approx(np.cos(7.0), abs=1e-9)
     with pytest.raises(InputError, match="`t` must be within the times integrated"):
         motion.sol(4.0)
@@ -309,6 +309,61 @@ def test_every_method_runs_backwards(body: RigidBody, state: State) -> None:
             of_velocity = np.linalg.norm(back.velocity - state.velocity)
             errors.append(of_velocity + np.linalg.norm(back.angular_velocity - state.angular_velocity))
         assert errors[1] < 1e-9 or np.log2(errors[0] / errors[1]) > order - 0.4, (method, errors)
+
+
+def test_a_tree_is_followed_back_in_time() -> None:
+    # a damper drives it backwards, so that errors grow
+    arm = multibody.two_link_arm(damping=(0.03, 0.02))
+
+    def push(t: float, q: Any, v: Any) -> Any:
+        return np.array([np.sin(3.0 * t), -0.5 * v[0]])
+
+    def crosses(t: float, q: Any, v: Any) -> float:
+        return float(q[1] - 0.2)
+
+    there = multibody.integrate_tree(
+        arm, [0.0, 0.3], [1.0, 0.0], (0.0, 2.0), torque=push, events=crosses, dense_output=True, **TIGHT
+    )
+    for method, tolerance, allowed in (("rkmk8", 1e-12, 1e-8), ("rkmk5", 1e-10, 1e-6)):
+        back = multibody.integrate_tree(
+            arm,
+            there.q[-1],
+            there.v[-1],
+            (2.0, 0.0),
+            method=method,
+            torque=push,
+            events=crosses,
+            t_eval=[2.0, 1.3, 0.4, 0.0],
+            dense_output=True,
+            rtol=tolerance,
+            atol=tolerance,
+        )
+        assert back.success and back.t.tolist() == [2.0, 1.3, 0.4, 0.0]
+        for q, v, t in zip(back.q, back.v, back.t, strict=True):
+            then = there.sol(t)
+            np.testing.assert_allclose(q, then[0], atol=allowed)
+            np.testing.assert_allclose(v, then[1], atol=allowed)
+        assert back.t_events[0] == pytest.approx(there.t_events[0][::-1], abs=allowed) and len(
+            back.t_events[0]
+        )
+        assert (back.sol.t_min, back.sol.t_max) == (0.0, 2.0)
+    held = {"active": ["lower"], "acceleration": lambda t, q, v: np.array([0.0, np.cos(t) - v[1]])}
+    there = multibody.integrate_tree(arm, [0.0, 0.3], [1.0, 0.0], (0.0, 1.0), **held, **TIGHT)
+    back = multibody.integrate_tree(arm, there.q[-1], there.v[-1], (1.0, 0.0), **held, **TIGHT)
+    np.testing.assert_allclose([*back.q[-1], *back.v[-1]], [0.0, 0.3, 1.0, 0.0], atol=1e-8)
+    page = somersault.viewer.Scene().add(back).html()
+    assert len(page) > 1000
+
+
+def test_contacts_and_knots_of_trees_run_forwards_only() -> None:
+    leg = contact.hopping_leg()
+    with pytest.raises(InputError, match="`interval` must run forward where there are contacts"):
+        multibody.integrate_tree(leg.model, leg.q, leg.v, (0.1, 0.0), contacts=leg.contacts)
+    push = multibody.TorqueProfile([0.0, 0.1], np.zeros((2, 2)))
+    with pytest.raises(
+        InputError, match="`torque` must be numbers or a callable where `interval` runs backwards"
+    ):
+        multibody.integrate_tree(multibody.cart_pendulum(), [0, 0], [0, 0], (0.1, 0.0), torque=push)
 
 
 # ------------------------------------------------------------------------------------------ given times
@@ -385,6 +440,9 @@ def test_what_an_event_raises_comes_out_with_the_solution_so_far() -> None:
     solution = raised.value.solution  # type: ignore[attr-defined]
     assert solution.status == -2 and solution.t[-1] == pytest.approx(0.5)
     assert solution.t_events[0] == pytest.approx([0.2])
+    (note,) = raised.value.__notes__
+    who, t = note.split(" at t = ")
+    assert who == f"raised by `events[0]` ({fails.__qualname__})" and float(t) > 0.55
 
 
 def test_solutions_with_events_are_pickled_and_drawn() -> None:

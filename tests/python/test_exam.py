@@ -9,6 +9,7 @@ import pickle
 import subprocess
 import sys
 from collections.abc import Callable
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -191,6 +192,40 @@ def axial_torque() -> float:
     return off("axial_torque", spin, turned)
 
 
+def skew_torque() -> float:
+    """Rates by Fresnel's integrals; the quaternion by collocation at Chebyshev's points."""
+    scene, (i, _, k), w = start_of("skew_torque")
+    across = mp.mpc(*map(float, scene.torque[:2])) / i
+    slope, part = mpf(scene.torque[2]) / k, (i - k) / i
+    # ω⊥ = e^(−iΦ) (ω⊥₀ + M⊥/I₁ ∫ e^(iΦ)) with Φ = a x² − a x₀², x = t + x₀
+    a, x0 = part * slope / 2, w[2] / slope
+    scale = mp.sqrt(2 * a / mp.pi)
+
+    def rates(t: Any) -> tuple[Any, Any, Any]:
+        driven = [mp.mpc(mp.fresnelc(scale * x), mp.fresnels(scale * x)) for x in (x0, t + x0)]
+        whole = (driven[1] - driven[0]) / scale * mp.expj(-a * x0**2)
+        turned = mp.expj(-a * ((t + x0) ** 2 - x0**2)) * (mp.mpc(w[0], w[1]) + across * whole)
+        return turned.real, turned.imag, w[2] + slope * t
+
+    n, end = 40, scene.duration
+    points = np.cos(np.pi * np.arange(n, -1, -1) / n)
+    ends = np.ones(n + 1)
+    ends[[0, -1]] = 2.0
+    ends *= (-1.0) ** np.arange(n + 1)
+    apart = points[:, None] - points + np.eye(n + 1)
+    slopes = np.outer(ends, 1 / ends) / apart
+    slopes -= np.diag(slopes.sum(axis=1))
+    system = np.kron(slopes * (2 / end), np.eye(4))
+    for row, x in enumerate(points):
+        p, q, r = (float(rate) for rate in rates(mpf(end) * (1 + mpf(float(x))) / 2))
+        half = 0.5 * np.array([[0, r, -q, p], [-r, 0, p, q], [q, -p, 0, r], [-p, -q, -r, 0]])
+        system[4 * row : 4 * row + 4, 4 * row : 4 * row + 4] -= half
+    start = np.array([0.0, 0.0, 0.0, 1.0])
+    found = np.linalg.solve(system[4:, 4:], -system[4:, :4] @ start)[-4:]
+    turn = min(np.abs(found - sign * scene.answer[0, 3:7]).max() for sign in (-1, 1))
+    return max(off("skew_torque", rates(mpf(end))), float(turn) / 3e-14)
+
+
 def lagrange_top() -> float:
     """The cosine of the tilt by sn²; the rest of the held end by what is conserved."""
     scene, (i, _, k), w = start_of("lagrange_top")
@@ -293,6 +328,43 @@ def pendulum() -> float:
         float(slope / mpf(scene.gradient[0, 3]) - 1) / 1e-11,
     ]
     return max(map(abs, errors))
+
+
+def double_pendulum() -> float:
+    """Hamilton's equations for the sines, cosines and momenta of both angles, by series too; energy."""
+    scene = exam.scene("double_pendulum")
+    (m, n), (long, half, short) = (2.0, 1.0), (1.0, 0.5, 0.4)
+    i, j = (float(body.inertia[0, 0]) for body in scene.bodies)
+    one, two, g = i + m * half**2 + n * long**2, j + n * short**2, 9.81
+
+    def rates(y: Any) -> tuple[Any, Any, Any]:
+        s, c, p, d, a, b = y
+        both = n * long * short * (c * d + s * p)
+        whole = one * two - both * both
+        v, w = (two * a - both * b) / whole, (one * b - both * a) / whole
+        return v, w, n * long * short * ((s * d - c * p) * v * w)
+
+    def slope(t: Any, y: Any) -> list[Any]:
+        s, c, p, d, _, _ = y
+        v, w, common = rates(y)
+        pull, drop = (m * half + n * long) * g * s, n * short * g * p
+        return [c * v, -(s * v), d * w, -(p * w), -common - pull, common - drop]
+
+    turned = [[Fraction(q) for q in y[[3, 6]].tolist()] for y in scene.y0]
+    angles = [x for q, w in turned for x in (2 * q * w, w * w - q * q)]
+    series = exam_answers.Arithmetic(BITS, TERMS)
+    record = exam_answers.Record(6, slope)
+    y, t, end = [series.fixed(x) for x in (*angles, 0, 0)], 0, series.fixed(scene.duration)
+    while t < end:
+        curve = series.series(record, y)
+        h = min(end - t, exam_answers.step_within(series, curve))
+        y, t = [series.at(each, h) for each in curve], t + h
+    s, c, p, d, *_ = found = [float(series.number(x)) for x in y]
+    v, w, _ = rates(found)
+    ends = [[half * s, -half * c, v], [long * s + short * p, -long * c - short * d, w]]
+    worst = np.abs(np.array(ends) - scene.answer[:, [1, 2, 10]]).max() / (CLOSE * scene.condition)
+    energy = scene.invariants["energy"]
+    return float(max(worst, abs(energy(scene.answer) / energy(scene.y0) - 1) / 1e-14))
 
 
 def contact_off(name: str, end: Any, events: Any = (), slopes: Any = ()) -> float:
@@ -400,6 +472,19 @@ def hard_bounce() -> float:
     return contact_off("hard_bounce", [(2, z), (9, v)], times, slopes)
 
 
+def zeno_rest() -> float:
+    """The impulse of the floor is that of the weight, and its moment in time is the height."""
+    scene, e, mu, h, t = exam.scene("zeno_rest"), mpf(0.5), mpf(0.15), mpf(1), mpf(2)
+    first = mp.sqrt(2 * h / G)
+    times = [first * (1 + 2 * sum(e**k for k in range(1, n + 1))) for n in range(len(scene.events))]
+    rest = first * (1 + e) / (1 - e)
+    # the last impact is the first after which it would leave at less than 1e-6 m/s
+    leaves = [mp.sqrt(2 * G * h) * e ** (n + 1) for n in range(len(times))]
+    assert leaves[-1] < 1e-6 < leaves[-2] and 0 < rest - times[-1] < 3e-7
+    end = [(0, 4 * t - mu * (G * t**2 / 2 - h)), (2, 0), (7, 4 - mu * G * t), (9, 0)]
+    return contact_off("zeno_rest", end, times, [(0, mu), (2, 0), (6, 0), (8, 0)])
+
+
 def graze() -> float:
     scene = exam.scene("graze")
     omega = mpf(100)
@@ -499,6 +584,71 @@ def ladder() -> float:
     return contact_off("ladder", [(0, mp.sin(low) + along * left), (7, along), (11, -later(end))], [t]) / 4
 
 
+def tipping_block() -> float:
+    """A pendulum about its edge, from rest; the force of the edge is within the cone of friction."""
+    scene = exam.scene("tipping_block")
+    x, _, z = (mpf(g) for g in scene.gravity)
+    g, slope = mp.hypot(x, z), mp.atan2(x, -z)
+    half, tall = mpf(0.1), mpf(0.25)
+    arm = mp.hypot(half, tall)
+    tilt = slope - mp.atan(half / tall)
+    moment = mpf(float(scene.bodies[0].inertia[1, 1])) + arm**2
+    factor = 2 * g * arm / moment
+    low = tilt + 2 * mp.atan2(mpf(scene.answer[0, 4]), mpf(scene.answer[0, 6]))
+    assert abs(slid(tilt, low, factor) - mpf(scene.duration)) < 1e-14
+    # it tips and does not slide: tan α is between b/h and μ
+    assert half / tall < mp.tan(slope) < mpf(scene.contacts[0].friction)
+    for step in range(33):
+        lean = tilt + (low - tilt) * step / 32
+        turn, square = factor / 2 * mp.sin(lean), factor * (mp.cos(tilt) - mp.cos(lean))
+        side, up = mp.sin(lean - slope) * arm, mp.cos(lean - slope) * arm
+        along, normal = turn * up - square * side - x, -turn * side - square * up - z
+        assert normal > 0 and abs(along) < scene.contacts[0].friction * normal
+    angle = low - slope
+    rate = mp.sqrt(factor * (mp.cos(tilt) - mp.cos(low)))
+    end = [(0, arm * mp.sin(angle)), (2, arm * mp.cos(angle)), (11, rate), (7, rate * arm * mp.cos(angle))]
+    return contact_off("tipping_block", end)
+
+
+def tippe_top() -> float:
+    """SciPy's integrator, with multipliers in world axes; Jellett's integral; the floor always pushes."""
+    from scipy.integrate import solve_ivp
+
+    scene = exam.scene("tippe_top")
+    (touch,), mass, inertia = scene.contacts, scene.bodies[0].mass, np.array(scene.bodies[0].inertia)
+    up, pushes = np.array([0.0, 0.0, 1.0]), []
+
+    def skew(v: Any) -> Any:
+        return np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+
+    def slope(t: float, y: Any) -> Any:
+        v = skew(y[3:6])
+        turn = np.eye(3) + 2 * y[6] * v + 2 * v @ v
+        spin, centre = turn @ y[10:], turn @ np.array(touch.point)
+        arm = centre - touch.radius * up
+        drag = -touch.viscosity * (y[7:10] + np.cross(spin, arm))
+        heavy = turn @ inertia @ turn.T
+        # unknown: acceleration, angular acceleration and force of the floor; the height of the centre stays
+        system = np.zeros((7, 7))
+        system[:3, :3], system[:3, 6] = mass * np.eye(3), -up
+        system[3:6, 3:6], system[3:6, 6] = heavy, -np.cross(arm, up)
+        system[6, :3], system[6, 3:6] = up, -(up @ skew(centre))
+        about = np.cross(arm, drag) - np.cross(spin, heavy @ spin)
+        turns = -up @ np.cross(spin, np.cross(spin, centre))
+        found = np.linalg.solve(system, [*(drag - mass * 9.81 * up), *about, turns])
+        pushes.append(found[6])
+        p, q, r = y[10:]
+        rate = 0.5 * np.array([[0, r, -q, p], [-r, 0, p, q], [q, -p, 0, r], [-p, -q, -r, 0]]) @ y[3:7]
+        return [*y[7:10], *rate, *found[:3], *(turn.T @ found[3:6])]
+
+    options = {"method": "DOP853", "rtol": 3e-14, "atol": 1e-14}
+    end = solve_ivp(slope, (0.0, scene.duration), scene.y0[0], **options).y[:, -1]
+    assert min(pushes) > 0.0 and scene.answer[0, 2] > scene.y0[0, 2]
+    worst = (np.abs(end - scene.answer[0]) / np.maximum(1.0, np.abs(scene.answer[0]))).max() / 1e-11
+    jellett = scene.invariants["Jellett's integral"]
+    return float(max(worst, abs(jellett(scene.answer) / jellett(scene.y0) - 1) / 1e-14))
+
+
 def dry_oscillator() -> float:
     band, half = mpf(0.1) * G / 20, mp.pi / mp.sqrt(20)
     end = -(mpf(0.28) - 6 * band)
@@ -541,14 +691,17 @@ CLOSED: dict[str, Callable[[], float]] = {
     "gyrostat": gyrostat,
     "ball_torque": ball_torque,
     "axial_torque": axial_torque,
+    "skew_torque": skew_torque,
     "lagrange_top": lagrange_top,
     "steady_top": steady_top,
     "sleeping_top": sleeping_top,
     "kovalevskaya": kovalevskaya,
     "pendulum": pendulum,
+    "double_pendulum": double_pendulum,
     "spring_bounce": spring_bounce,
     "hunt_crossley": hunt_crossley,
     "hard_bounce": hard_bounce,
+    "zeno_rest": zeno_rest,
     "graze": graze,
     "incline_slip": incline_slip,
     "incline_stop": incline_stop,
@@ -557,10 +710,12 @@ CLOSED: dict[str, Callable[[], float]] = {
     "spin_impact": spin_impact,
     "leaving_sphere": leaving_sphere,
     "ladder": ladder,
+    "tipping_block": tipping_block,
     "dry_oscillator": dry_oscillator,
     "two_balls": two_balls,
     "cradle": cradle,
     "rolling_disk": rolling_disk,
+    "tippe_top": tippe_top,
 }
 
 
@@ -750,8 +905,10 @@ def test_this_library_agrees_with_the_answers(name: str) -> None:
     else:
         assert found.status == "agrees" and max(found.distance.values()) < 3e-12 * max(1.0, scene.condition)
         assert found.events in (None, (len(scene.events),) * 2)
-        # a speed of 4e-4 m/s after one of 4 m/s is known to 1e-12 of itself, and divides
-        assert found.gradient_error < (2e-6 if name == "graze" else 3e-11)
+        # a speed of 4e-4 m/s after one of 4 m/s is known to 1e-12 of itself, and divides; of trees there are
+        # differences
+        known = {"graze": 2e-6, "double_pendulum": 1e-8}
+        assert found.gradient_error < known.get(name, 3e-11)
 
 
 @pytest.mark.parametrize(
@@ -783,8 +940,9 @@ def test_scipy_is_given_the_equations_and_their_events() -> None:
     missed = {result.scene: result.verdict for result in report.results if result.status != "agrees"}
     # a second means for the derivatives
     assert all(result.gradient_error < 1e-7 for result in report.results if result.scene not in missed)
-    # it steps over both of its events
-    assert list(missed) == ["graze"] and "0 of 2 events were located" in missed["graze"]
+    # it steps over both events of one, and over a short flight of the other
+    assert list(missed) == ["zeno_rest", "graze"] and "0 of 2 events were located" in missed["graze"]
+    assert "of 23 events were located" in missed["zeno_rest"]
 
 
 # ------------------------------------------------------------------------------- scenes and reports

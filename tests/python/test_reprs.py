@@ -213,6 +213,14 @@ def reconstructed() -> motion.ReconstructedFlight:
     return motion.reconstruct_flight(markers, motion.place_markers(markers, t, q), noise=0.01, scale=1.0)
 
 
+@cache
+def tumbled() -> motion.InertiaEstimate:
+    body = somersault.RigidBody(1.0, (1.0, 2.0, 2.5))
+    tumble = somersault.exact.FreeBody(body, somersault.State(angular_velocity=(0.3, 1.0, 0.4)))
+    t = np.linspace(0.0, 10.0, 40)
+    return motion.estimate_inertia(t, tumble(t).orientation)
+
+
 def analysed() -> motion.FlightAnalysis:
     found = reconstructed()
     seen = motion.place_markers(found.markers, found.times, found.q)
@@ -276,7 +284,7 @@ MADE: dict[str, Callable[[], Any]] = {
     "Plate": lambda: forces.Plate(1 / 3, (1 / 3, 0.2, 1 / 7), (0.1, 0.2, 0.3), 1 / 3, 1 / 7),
     "AerodynamicDrag": lambda: forces.AerodynamicDrag(ORBIT, [forces.Plate(1.0, (0, 0, 1))] * 20, 1e-12 / 3),
     "SolarPressure": lambda: forces.SolarPressure((1 / 3, 0.2, 1 / 7), [forces.Plate(1.0, (0, 0, 1))] * 20),
-    "ReactionWheels": lambda: forces.ReactionWheels(np.eye(3), 1 / 3),
+    "ReactionWheels": lambda: forces.ReactionWheels(np.eye(3), 0.0, 1 / 3),
     "ControlMomentGyros": lambda: forces.ControlMomentGyros([(0, 0, 1)], [(1, 0, 0)], 1 / 3),
     "Drag": lambda: forces.Drag(1 / 3, 2 / 3, 1 / 7),
     "Force": lambda: forces.Force((1 / 3, 2 / 3, 1 / 7), (0.1, 0.2, 0.3)),
@@ -389,6 +397,7 @@ MADE: dict[str, Callable[[], Any]] = {
     "Advice": lambda: unvertical().advice[0],
     "FlightAdvice": lambda: unvertical(),
     "FlightAnalysis": analysed,
+    "InertiaEstimate": tumbled,
     "WhatIf": lambda: motion.what_if(reconstructed(), momentum=0.1),
     "FlightReport": lambda: motion.identify_flight(reconstructed()),
     "GroupComparison": lambda: motion.GroupComparison({f"group {i}": [fit()] for i in range(90)}, "scale"),
@@ -420,6 +429,7 @@ MADE: dict[str, Callable[[], Any]] = {
     "ExamReport": examined,
     "ExamScene": lambda: exam.scene("sleeping_top").varied(1 / 3),
     "SceneContact": lambda: exam.scene("hard_bounce").contacts[0],
+    "SceneHinge": lambda: exam.scene("double_pendulum").hinges[0],
     "SceneGuard": lambda: exam.scene("dry_oscillator").modes["left again"].guards[0],
     "SceneMode": lambda: exam.scene("dry_oscillator").modes["left again"],
     "SceneResult": lambda: examined()["rod"],

@@ -1,6 +1,7 @@
 """Torques on satellites, wheels and gyros: their integrals, small motions, closed forms and bad input."""
 
 import pickle
+from typing import Any
 
 import numpy as np
 import pytest
@@ -129,31 +130,36 @@ def total(model: forces.ReactionWheels | forces.ControlMomentGyros, flight: some
     return flight.angular_momentum + flight.orientation.apply(model.momentum(flight.t))
 
 
-def wheels() -> forces.ReactionWheels:
+def wheels(body: RigidBody) -> forces.ReactionWheels:
     axes = [(1, 1, 0), (0, 0, 2), (0.3, -1, 0.2)]
     torques = [[0.0, 0.1, 0.0], [0.2, -0.1, 0.3], [0.1, 0.0, -0.2]]
-    return forces.ReactionWheels(axes, [0.02, 0.03, 0.01], [0.5, -0.3, 0.2], torques, [0.0, 2.0, 3.0])
+    inertias, momenta = [0.02, 0.03, 0.01], [0.5, -0.3, 0.2]
+    return forces.ReactionWheels(axes, inertias, momenta, torques, [0.0, 2.0, 3.0], body=body)
 
 
 def test_the_total_momentum_of_wheels_and_gyros_is_constant(body: RigidBody, state: State) -> None:
     gyros = forces.ControlMomentGyros(
-        [(0, 0, 1), (1, 0, 0)], [(1, 0, 0), (0, 1, 1)], [0.5, 0.8], [0.1, 0.0], [0.3, -0.6]
+        [(0, 0, 1), (1, 0, 0)], [(1, 0, 0), (0, 1, 1)], [0.5, 0.8], [0.1, 0.0], [0.3, -0.6], body=body
     )
-    for model, carrier in ((wheels(), wheels().carrier(body)), (gyros, body)):
-        flight = adapted(carrier, state, 5.0, model)
+    assert gyros.carrier == body
+    for model in (wheels(body), gyros):
+        assert model.carrier is not None
+        flight = adapted(model.carrier, state, 5.0, model)
         whole = total(model, flight)
         np.testing.assert_allclose(whole, np.tile(whole[0], (len(flight), 1)), atol=1e-11)
         assert np.ptp(flight.angular_momentum, axis=0).min() > 0.01
         again = pickle.loads(pickle.dumps(model))
-        for ours, theirs in zip(model.wrench(2.3, body, state), again.wrench(2.3, body, state), strict=True):
+        assert again.carrier == model.carrier
+        acts = [each.wrench(2.3, model.carrier, state) for each in (model, again)]
+        for ours, theirs in zip(*acts, strict=True):
             np.testing.assert_array_equal(ours, theirs)
 
 
 def steps_to_rounding(body: RigidBody, state: State, count: int) -> float:
     """The relative change of the total momentum by so many steps of 5 ms, with wheels that nothing drives."""
-    model = forces.ReactionWheels(np.eye(3), [0.02, 0.03, 0.01], [0.5, -0.3, 0.2])
+    model = forces.ReactionWheels(np.eye(3), [0.02, 0.03, 0.01], [0.5, -0.3, 0.2], body=body)
     flight = somersault.integrate(
-        model.carrier(body),
+        model.carrier,
         state,
         (0.0, count / 200),
         dt=1 / 200,
@@ -177,8 +183,8 @@ def test_a_million_steps_keep_the_total_momentum_to_rounding(body: RigidBody, st
 
 
 def test_wheels_that_nothing_drives_are_the_exact_gyrostat(body: RigidBody, state: State) -> None:
-    model = forces.ReactionWheels([(0, 1, 0)], [0.02], [1.1])
-    carrier = model.carrier(body)
+    model = forces.ReactionWheels([(0, 1, 0)], [0.02], [1.1], body=body)
+    carrier = model.carrier
     flight = adapted(carrier, state, 4.0, model)
     exact = somersault.exact.Gyrostat(carrier, (0.0, 1.1, 0.0), state)(flight.t)
     assert (exact.orientation.inv() * flight.orientation).magnitude().max() < 1e-10
@@ -187,16 +193,43 @@ def test_wheels_that_nothing_drives_are_the_exact_gyrostat(body: RigidBody, stat
 def test_a_wheel_stopped_by_its_motor_turns_the_body_about_its_axis() -> None:
     # h from 1 to 0 at the torque -0.5: the carrier takes all of it, 1 / (0.4 - 0.05) rad/s
     satellite = RigidBody(12.0, (0.3, 0.25, 0.4))
-    model = forces.ReactionWheels([(0, 0, 1)], 0.05, 1.0, [[-0.5], [-0.5]], [0.0, 2.0])
-    flight = adapted(model.carrier(satellite), State(), 2.0, model)
+    model = forces.ReactionWheels([(0, 0, 1)], 0.05, 1.0, [[-0.5], [-0.5]], [0.0, 2.0], body=satellite)
+    flight = adapted(model.carrier, State(), 2.0, model)
     np.testing.assert_allclose(flight.angular_velocity[-1], (0, 0, 1 / 0.35), atol=1e-10)
     np.testing.assert_allclose(model.wheel_momenta([0.0, 1.0, 2.0])[:, 0], (1.0, 0.5, 0.0), atol=1e-15)
     speed = model.wheel_momenta(2.0)[0] / 0.05 - flight.angular_velocity_body[-1, 2]
     np.testing.assert_allclose(speed, -1 / 0.35)
 
 
+def test_rotors_refuse_a_body_that_does_not_carry_them(body: RigidBody, state: State) -> None:
+    gyros = forces.ControlMomentGyros([(0, 0, 1)], [(1, 0, 0)], 0.5, body=body)
+    other = RigidBody(2.0, 2.0 * body.inertia)
+    for model, wrong in ((wheels(body), body), (gyros, other)):
+        assert model.carrier is not None and model.carrier != wrong
+        calls: list[tuple[str, Any, Any]] = [
+            ("forces", somersault.integrate, (wrong, state, (0.0, 1.0))),
+            ("forces", somersault.integrate, ([wrong], [state], (0.0, 1.0))),
+            ("forces", somersault.Stepper, (wrong, state, 0.0, 1.0)),
+            ("forces", somersault.studies.Problem, (wrong, state, 1.0)),
+            ("body", model.wrench, (0.0, wrong, state)),
+        ]
+        for argument, call, arguments in calls:
+            options = {
+                somersault.studies.Problem: {"reference": state, "forces": model},
+                model.wrench: {},
+            }.get(call, {"dt": 0.1, "forces": [model]})
+            with pytest.raises(somersault.InputError) as caught:
+                call(*arguments, **options)
+            kind = type(model).__name__
+            named = f"`{argument}` must act on the `carrier` of its {kind}, {model.carrier}, found {wrong}"
+            assert str(caught.value) == named
+        # the mass plays no part, and neither does rounding
+        alike = RigidBody(7.0, model.carrier.inertia * (1.0 + 1e-12))
+        somersault.integrate(alike, state, (0.0, 0.1), dt=0.1, forces=model)
+
+
 def test_schedules_are_linear_between_their_times() -> None:
-    model = forces.ReactionWheels([(1, 0, 0)], 0.01, 0.0, [[1.0], [3.0]], [1.0, 2.0])
+    model = forces.ReactionWheels([(1, 0, 0)], 0.0, 0.0, [[1.0], [3.0]], [1.0, 2.0])
     t = np.array([-1.0, 0.0, 1.0, 1.5, 2.0, 4.0])
     np.testing.assert_allclose(model.momentum(t)[:, 0], [-1.0, 0.0, 1.0, 1.75, 3.0, 9.0], atol=1e-15)
 
@@ -221,7 +254,15 @@ def test_schedules_are_linear_between_their_times() -> None:
             lambda: forces.ReactionWheels([(0, 0, 1)], 1.0, torques=[[1], [1]], times=[0.0, 0.0]),
             "`times` must be increasing",
         ),
-        (lambda: forces.ReactionWheels([(0, 0, 1)], 9.0).carrier(RigidBody.sphere(1.0, 1.0)), "`body`"),
+        (lambda: forces.ReactionWheels([(0, 0, 1)], 9.0, body=RigidBody.sphere(1.0, 1.0)), "`body`"),
+        (
+            lambda: forces.ReactionWheels([(0, 0, 1)], 0.1),
+            "`body` must be given where `inertias` are not zero",
+        ),
+        (
+            lambda: forces.ReactionWheels([(0, 0, 1)], 0.0, torques=[[1], [1]], times=[-1.5e308, 1.5e308]),
+            "`torques` must be of a finite integral over `times`, found inf",
+        ),
         (
             lambda: forces.ControlMomentGyros([(0, 0, 1)], [(0, 1, 1)], 1.0),
             "`spins` must be perpendicular to",

@@ -73,6 +73,7 @@ def test_what_acts_on_bodies_can_be_saved(tmp_path: Path) -> None:
         forces.Orbit(7e6, 0.1, 0.2, 0.3, 0.4, 0.5),
         forces.Plate(2.0, (0, 0, 1), (0.1, 0.2, 0.3), 0.2, 0.3),
     )
+    bus = somersault.RigidBody(12.0, (0.3, 0.2, 0.4))
     things = [
         forces.Gravity((0.0, -9.0, 0.1)),
         forces.Spring(3.0, (1.0, 2.0, 3.0), (0.1, 0.2, 0.3), damping=0.2, rest_length=0.7),
@@ -87,7 +88,7 @@ def test_what_acts_on_bodies_can_be_saved(tmp_path: Path) -> None:
         plate,
         forces.AerodynamicDrag(orbit, [plate, plate], 1e-12),
         forces.SolarPressure((0.0, 0.0, 1.0), plate),
-        forces.ReactionWheels(np.eye(3), 0.01, 0.3, [[0.1, 0.2, 0.3], [0.0, 0.1, 0.0]], [0.5, 2.0]),
+        forces.ReactionWheels(np.eye(3), 0.01, 0.3, [[0.1, 0.2, 0.3], [0.0, 0.1, 0.0]], [0.5, 2.0], body=bus),
         forces.ControlMomentGyros([(0, 0, 1)], [(1, 0, 0)], 0.5, 0.1, 0.2),
         *surfaces,
         *(contact.Contact((0.0, 0.1, 0.2), surface, law, friction=slides) for surface in surfaces),

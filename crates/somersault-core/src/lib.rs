@@ -26,6 +26,7 @@ pub mod differences;
 pub mod double_double;
 pub mod elliptic;
 mod inertia;
+pub mod interval;
 pub mod lie;
 pub mod quadrature;
 pub mod random;

@@ -2,8 +2,8 @@
 //!
 //! With s = −t, the configuration as it is and the velocity reversed, v′ = dq/ds = −v, the equations q̇ = v, v̇ = a(t, q, v) become
 //! dv′/ds = a(−s, q, −v′). Those of rigid bodies are their own but for the forces, as a product of two angular velocities keeps its
-//! sign: bodies under [`TimeReversed`] forces move backwards along their motion. Any method integrates them, with the steps that
-//! it would make backwards, and [`Backwards`] shows these to an observer with decreasing times.
+//! sign: bodies under [`TimeReversed`] forces move backwards along their motion, and so does any other [`TimeReversed`] system. Any method
+//! integrates them, with the steps that it would make backwards, and [`Backwards`] shows these to an observer with decreasing times.
 //!
 //! ```
 //! use somersault_integrators::driver::TimeGrid;
@@ -33,8 +33,9 @@ use crate::driver::{Flow, Observer, Step};
 use crate::engine::Interior;
 use crate::error::IntegrateError;
 use crate::force::{ForceModel, Reach, Wrench, WrenchBound};
+use crate::partials::Partials;
 use crate::state::{Configuration, Pose, Rate, RigidBodyState, State, Twist};
-use crate::system::Interaction;
+use crate::system::{Fault, Interaction, OneForm, RateOf, StateOf, System};
 use crate::variation::{Tangent, central_difference};
 
 /// A state with its rates reversed.
@@ -46,7 +47,7 @@ pub fn reversed<Q: Configuration>(x: &State<Q>) -> State<Q> {
     turned
 }
 
-/// Forces on bodies for which time runs backwards, in s = −t and with reversed rates: those of the state that is meant.
+/// Forces on bodies, or a system, for which time runs backwards, in s = −t and with reversed rates: those of the state that is meant.
 #[derive(Debug, Clone, Copy)]
 pub struct TimeReversed<F>(pub F);
 
@@ -98,6 +99,32 @@ impl<I: Interaction> Interaction for TimeReversed<I> {
     }
     fn depends_on_velocity(&self) -> bool {
         self.0.depends_on_velocity()
+    }
+}
+
+#[deny(clippy::missing_trait_methods)]
+impl<S: System<Forms = OneForm>> System for TimeReversed<S> {
+    type Configuration = S::Configuration;
+    type Forms = OneForm;
+    type Workspace = S::Workspace;
+    const IS_WATCHED: bool = S::IS_WATCHED;
+    fn workspace(&self) -> S::Workspace {
+        self.0.workspace()
+    }
+    fn velocity(&self, w: &mut S::Workspace, s: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
+        let mut ahead = x.rate.clone();
+        self.0.velocity(w, -s, &reversed(x), &mut ahead);
+        out.set_zero();
+        out.axpy(-1.0, &ahead);
+    }
+    fn acceleration(&self, w: &mut S::Workspace, s: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
+        self.0.acceleration(w, -s, &reversed(x), out);
+    }
+    fn partials(&self, w: &mut S::Workspace, s: f64, x: &StateOf<S>, out: &mut Partials<S::Configuration>) {
+        out.by_differences(x, |x, acceleration| self.acceleration(w, s, x, acceleration));
+    }
+    fn take_fault(&self) -> Option<Fault> {
+        self.0.take_fault()
     }
 }
 

@@ -35,6 +35,7 @@ use somersault_core::Inertia;
 use somersault_core::argument::{
     ArgumentError, expect_direction, expect_finite, expect_least, expect_length, expect_not_negative,
 };
+use somersault_core::interval::fraction_between;
 
 /// A function of time that is linear between given times, and constant before the first and after the last.
 #[derive(Debug, Clone, PartialEq)]
@@ -71,8 +72,13 @@ impl LinearSchedule {
         let mut schedule = Self { times, values, integrals };
         let origin = schedule.integral(0.0);
         schedule.integrals.iter_mut().for_each(|x| *x -= origin);
-        expect_finite("values", &schedule.integrals)?;
-        Ok(schedule)
+        match schedule.integrals.iter().find(|integral| !integral.is_finite()) {
+            Some(&found) => {
+                let allowed = "of a finite integral over `times`";
+                Err(ArgumentError::OutOfRange { argument: "values", allowed, found })
+            }
+            None => Ok(schedule),
+        }
     }
 
     /// The times.
@@ -92,8 +98,8 @@ impl LinearSchedule {
             0 => values[0],
             i if i == times.len() => values[i - 1],
             i => {
-                let fraction = (t - times[i - 1]) / (times[i] - times[i - 1]);
-                values[i - 1] + fraction * (values[i] - values[i - 1])
+                let after = fraction_between(t, times[i - 1], times[i]);
+                (1.0 - after) * values[i - 1] + after * values[i]
             }
         }
     }

@@ -49,11 +49,18 @@ impl<Q: Configuration> TryFrom<Parts<Q>> for Solution<Q> {
 }
 
 impl<Q: Configuration> Solution<Q> {
+    /// The first and the last time that the curves reach; where there are none, the first time twice.
+    pub fn span(&self) -> Option<(f64, f64)> {
+        let first = *self.times.first()?;
+        Some((first, self.segments.last().map_or(first, |(end, _)| *end)))
+    }
+
     /// The state at time `t` from the dense output.
     ///
     /// `None` where there is no dense output or `t` lies outside the recorded interval.
     pub fn at(&self, t: f64) -> Option<State<Q>> {
-        let (first, last) = (*self.times.first()?, self.segments.last()?.0);
+        self.segments.last()?;
+        let (first, last) = self.span()?;
         if !(first.min(last)..=first.max(last)).contains(&t) {
             return None;
         }

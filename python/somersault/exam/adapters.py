@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from somersault import contact, forces
-from somersault._somersault.integrators import State, integrate, method
+from somersault import contact, forces, multibody
+from somersault._somersault.integrators import RigidBody, State, integrate, method
 from somersault.errors import InputError
 from somersault.exam.catalogue import ExamScene, SceneContact
 
@@ -25,6 +25,8 @@ Ended = tuple[Any, "Sequence[float] | None"]
 
 #: Why an engine that makes contacts of bodies is not asked.
 _BY_MODES = "its constraint is stated by equations alone"
+_BY_HINGES = "hinges are not stated by this adapter"
+_UNUSUAL = "points off the centre of mass and viscous friction are not stated by this adapter"
 #: Stiffness of the contacts that stand for rigid ones, N/m.
 _STIFF = 1e6
 
@@ -128,6 +130,8 @@ class _Somersault(_Engine):
             scene.contacts or scene.pivot or any(scene.torque) or any(scene.rotors)
         ):
             return "the method is for bodies without torque"
+        if scene.hinges and self.info.scope != "any system":
+            return "the method is for rigid bodies, and not for trees"
         if any(touch.law == "hunt_crossley" for touch in scene.contacts):
             return "its law of Hunt and Crossley is another one, with the power 3/2 of Hertz"
         return True
@@ -138,6 +142,8 @@ class _Somersault(_Engine):
         return None
 
     def run(self, scene: ExamScene, dt: float) -> Ended:
+        if scene.hinges:
+            return self._run_tree(scene, dt), None
         states, acting, touches, pairs = self._posed(scene)
         several = len(states) > 1
         found = integrate(
@@ -155,6 +161,29 @@ class _Somersault(_Engine):
             raise ArithmeticError(found.message)
         end = found[len(found) - 1]
         return end, None if self.law(scene) else [event.t for event in found.events]
+
+    def _run_tree(self, scene: ExamScene, dt: float) -> Array:
+        """Bodies on hinges are a tree."""
+        links = [
+            multibody.Link(
+                f"body {hinge.body}",
+                "revolute",
+                parent=None if hinge.parent is None else f"body {hinge.parent}",
+                axis=hinge.axis,
+                body=scene.bodies[hinge.body],
+                center=hinge.arm,
+                origin=origin,
+            )
+            for hinge, origin in zip(scene.hinges, _origins(scene), strict=True)
+        ]
+        tree = multibody.Model(links, gravity=scene.gravity)
+        angles, rates = _on_hinges(scene)
+        found = multibody.integrate_tree(
+            tree, angles, rates, (0.0, scene.duration), dt=dt, method=self.info, every=10**9
+        )
+        if not found.success:
+            raise ArithmeticError(found.message)
+        return _off_hinges(scene, found.q[-1], found.v[-1])
 
     def gradient(self, scene: ExamScene, dt: float) -> Array | None:
         """By the variational equations, with jumps at events, where the method has them."""
@@ -200,9 +229,9 @@ class _Somersault(_Engine):
                 # at the height at which the spring carries the weight
                 states[touch.body] = _raised(states[touch.body], weight[2] / _STIFF)
             touches.append(
-                contact.Contact.ball((0.0, 0.0, 0.0), touch.radius, _surface(touch), law, friction=friction)
+                contact.Contact.ball(touch.point, touch.radius, _surface(touch), law, friction=friction)
                 if touch.radius
-                else contact.Contact((0.0, 0.0, 0.0), _surface(touch), law, friction=friction)
+                else contact.Contact(touch.point, _surface(touch), law, friction=friction)
             )
         if scene.spring:
             anchor = (0.0, 0.0, float(states[0].position[2]))
@@ -220,8 +249,61 @@ class _Somersault(_Engine):
         )
         # an impact ends before a spring along the surface has swung back; a damper alone lets nothing swing
         stiffness = 0.0 if touch.restitution else _STIFF
+        if touch.viscosity:
+            # a cone so wide that the damper alone acts
+            return law, contact.CoulombFriction(1e6, 0.0, touch.viscosity)
         friction = contact.CoulombFriction(touch.friction, stiffness, critical) if touch.friction else None
         return law, friction
+
+
+def _is_unusual(touch: SceneContact) -> bool:
+    return bool(touch.viscosity) or any(touch.point)
+
+
+def _origins(scene: ExamScene) -> list[Array]:
+    """Where each hinge is, from that of the parent in axes of the parent, or in the world."""
+    arms = {hinge.body: np.array(hinge.arm) for hinge in scene.hinges}
+    return [
+        np.array(hinge.place) + (0.0 if hinge.parent is None else arms[hinge.parent])
+        for hinge in scene.hinges
+    ]
+
+
+def _on_hinges(scene: ExamScene) -> tuple[list[float], list[float]]:
+    """The angle and the rate of each hinge at the start."""
+    angles, rates = [], []
+    for hinge in scene.hinges:
+        q, spin, axis = scene.y0[hinge.body, 3:7], scene.y0[hinge.body, 10:], np.array(hinge.axis)
+        if hinge.parent is not None:
+            q = _product(scene.y0[hinge.parent, 3:7] * (-1, -1, -1, 1), q)
+            spin = spin - scene.y0[hinge.parent, 10:]
+        angles.append(2 * math.atan2(axis @ q[:3], q[3]))
+        rates.append(float(axis @ spin))
+    return angles, rates
+
+
+def _off_hinges(scene: ExamScene, angles: Array, rates: Array) -> Array:
+    """The state of the bodies, from the angles and rates of their hinges."""
+    found = np.zeros_like(scene.y0)
+    for hinge, angle, rate in zip(scene.hinges, angles, rates, strict=True):
+        axis = np.array(hinge.axis)
+        q = np.array([*(math.sin(angle / 2) * axis), math.cos(angle / 2)])
+        place, velocity, spin = np.array(hinge.place), np.zeros(3), rate * axis
+        if hinge.parent is not None:
+            own = found[hinge.parent]
+            turn = _matrix(own[3:7])
+            velocity = own[7:10] + turn @ np.cross(own[10:], place)
+            place = own[:3] + turn @ place
+            q, spin = _product(own[3:7], q), spin + _matrix(q).T @ own[10:]
+        turn, arm = _matrix(q), np.array(hinge.arm)
+        found[hinge.body] = [*(place + turn @ arm), *q, *(velocity + turn @ np.cross(spin, arm)), *spin]
+    return found
+
+
+def _product(p: Array, q: Array) -> Array:
+    """The product of two quaternions (x, y, z, w)."""
+    vector = p[3] * q[:3] + q[3] * p[:3] + np.cross(p[:3], q[:3])
+    return np.array([*vector, p[3] * q[3] - p[:3] @ q[:3]])
 
 
 def _surface(touch: SceneContact) -> Any:
@@ -376,6 +458,8 @@ class _MuJoCo(_Engine):
     def can(self, scene: ExamScene) -> bool | str:
         if any(scene.rotors):
             return "rotors are not stated by this adapter"
+        if any(map(_is_unusual, scene.contacts)):
+            return _UNUSUAL
         return _BY_MODES if scene.by_modes_only else True
 
     def default(self, scene: ExamScene) -> float:
@@ -388,6 +472,10 @@ class _MuJoCo(_Engine):
         mujoco = self.mujoco
         model = mujoco.MjModel.from_xml_string(self._xml(scene, dt))
         data = mujoco.MjData(model)
+        if scene.hinges:
+            data.qpos[:], data.qvel[:] = _on_hinges(scene)
+            mujoco.mj_step(model, data, nstep=round(scene.duration / dt))
+            return _off_hinges(scene, data.qpos, data.qvel), None
         sliding = [_slides(scene, k) for k in range(len(scene.bodies))]
         q, v = 0, 0
         for k, y in enumerate(scene.y0):
@@ -439,7 +527,11 @@ class _MuJoCo(_Engine):
                 floors.append(
                     f'<geom type="plane" size="0 0 1" pos="0 0 {touch.place + off!r}" zaxis="0 0 -1" {rubs}/>'
                 )
-        bodies = "".join(self._body(scene, k, worn.get(k, "")) for k in range(len(scene.bodies)))
+        bodies = (
+            self._chain(scene, None)
+            if scene.hinges
+            else "".join(self._body(scene, k, worn.get(k, "")) for k in range(len(scene.bodies)))
+        )
         gravity = " ".join(map(repr, map(float, scene.gravity)))
         return f"""
             <mujoco>
@@ -448,13 +540,25 @@ class _MuJoCo(_Engine):
               <worldbody>{"".join(floors)}{bodies}</worldbody>
             </mujoco>"""
 
+    def _chain(self, scene: ExamScene, parent: int | None) -> str:
+        """The bodies on the hinges of one."""
+        found = ""
+        for hinge, origin in zip(scene.hinges, _origins(scene), strict=True):
+            if hinge.parent == parent:
+                inertial = _inertial(scene.bodies[hinge.body], hinge.arm)
+                found += (
+                    f'<body pos="{_numbers(origin)}"><joint type="hinge" axis="{_numbers(hinge.axis)}"/>'
+                    f"{inertial}{self._chain(scene, hinge.body)}</body>"
+                )
+        return found
+
     def _body(self, scene: ExamScene, k: int, worn: str) -> str:
-        body, inertia = scene.bodies[k], np.array(scene.bodies[k].inertia)
-        center = np.zeros(3)
+        body, center = scene.bodies[k], np.zeros(3)
         joints = "<freejoint/>"
         if scene.pivot is not None:
             center = np.array(scene.pivot)
-            inertia -= body.mass * (center @ center * np.eye(3) - np.outer(center, center))
+            moved = center @ center * np.eye(3) - np.outer(center, center)
+            body = RigidBody(body.mass, body.inertia - body.mass * moved)
             joints = '<joint type="ball"/>'
         elif _slides(scene, k):
             along = f'stiffness="{scene.spring!r}"'
@@ -462,10 +566,16 @@ class _MuJoCo(_Engine):
                 f'<joint type="slide" axis="1 0 0" {along}/><joint type="slide" axis="0 1 0"/>'
                 '<joint type="slide" axis="0 0 1"/>'
             )
-        moments = " ".join(repr(float(inertia[n, n])) for n in range(3))
-        place = " ".join(map(repr, center.tolist()))
-        inertial = f'<inertial pos="{place}" mass="{body.mass!r}" diaginertia="{moments}"/>'
-        return f"<body>{joints}{inertial}{worn}</body>"
+        return f"<body>{joints}{_inertial(body, center)}{worn}</body>"
+
+
+def _inertial(body: RigidBody, center: Sequence[float] | Array) -> str:
+    moments = _numbers(np.diag(body.inertia))
+    return f'<inertial pos="{_numbers(center)}" mass="{body.mass!r}" diaginertia="{moments}"/>'
+
+
+def _numbers(values: Sequence[float] | Array) -> str:
+    return " ".join(repr(float(x)) for x in values)
 
 
 def _slides(scene: ExamScene, k: int) -> bool:
@@ -505,6 +615,8 @@ class _Pinocchio(_Engine):
         return 0.0
 
     def run(self, scene: ExamScene, tolerance: float) -> Ended:
+        if scene.hinges:
+            return self._run_chain(scene, tolerance), None
         pin, body = self.pin, scene.bodies[0]
         model = pin.Model()
         model.gravity.linear = np.array(scene.gravity)
@@ -524,13 +636,39 @@ class _Pinocchio(_Engine):
             rest: list[float] = scene.rate(scene.first, t, y)
             return [*rest[:10], *turning]
 
+        return self._solved(slope, scene, scene.y0[0], tolerance), None
+
+    def _run_chain(self, scene: ExamScene, tolerance: float) -> Array:
+        """Of bodies on hinges, by their angles and rates."""
+        pin = self.pin
+        model = pin.Model()
+        model.gravity.linear = np.array(scene.gravity)
+        joints: dict[int | None, int] = {None: 0}
+        for hinge, origin in zip(scene.hinges, _origins(scene), strict=True):
+            body = scene.bodies[hinge.body]
+            axis = pin.JointModelRevoluteUnaligned(np.array(hinge.axis))
+            place = pin.SE3(np.eye(3), origin)
+            joint = model.addJoint(joints[hinge.parent], axis, place, f"hinge {hinge.body}")
+            inertia = pin.Inertia(body.mass, np.array(hinge.arm), np.array(body.inertia))
+            model.appendBodyToJoint(joint, inertia, pin.SE3.Identity())
+            joints[hinge.body] = joint
+        data, none, n = model.createData(), np.zeros(model.nv), model.nq
+
+        def slope(t: float, y: Array) -> Array:
+            return np.concatenate([y[n:], pin.aba(model, data, y[:n], y[n:], none)])
+
+        end = self._solved(slope, scene, np.concatenate(_on_hinges(scene)), tolerance)
+        return _off_hinges(scene, end[:n], end[n:])
+
+    def _solved(
+        self, slope: Callable[[float, Array], Any], scene: ExamScene, start: Array, tolerance: float
+    ) -> Array:
         options = {"rtol": max(tolerance, 2.3e-14), "atol": tolerance} if tolerance else {}
-        found = self.integrate.solve_ivp(
-            slope, (0.0, scene.duration), scene.y0[0], method=self.method, **options
-        )
+        found = self.integrate.solve_ivp(slope, (0.0, scene.duration), start, method=self.method, **options)
         if not found.success:
             raise ArithmeticError(found.message)
-        return found.y[:, -1], None
+        end: Array = found.y[:, -1]
+        return end
 
 
 class _Drake(_Engine):
@@ -549,6 +687,10 @@ class _Drake(_Engine):
     def can(self, scene: ExamScene) -> bool | str:
         if scene.by_modes_only:
             return _BY_MODES
+        if scene.hinges:
+            return _BY_HINGES
+        if any(map(_is_unusual, scene.contacts)):
+            return _UNUSUAL
         if scene.pivot is not None or any(scene.torque) or any(scene.rotors) or scene.spring:
             return "fixed points, torques in body axes, rotors and springs are not stated by this adapter"
         if any(touch.radius == 0.0 and touch.friction for touch in scene.contacts):

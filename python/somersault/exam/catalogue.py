@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from somersault._somersault.integrators import RigidBody, State
 from somersault.errors import InputError
 
-__all__ = ["ExamScene", "SceneContact", "SceneGuard", "SceneMode", "scene", "scenes"]
+__all__ = ["ExamScene", "SceneContact", "SceneGuard", "SceneHinge", "SceneMode", "scene", "scenes"]
 
 Array = NDArray[np.float64]
 #: A sequence of numbers of any kind: floats, symbols, or series of many digits.
@@ -42,14 +42,15 @@ class SceneContact:
 
     The law is ``'spring'`` (a spring and a damper that push and never pull, with `stiffness` in N/m and
     `damping` in N s/m), ``'hunt_crossley'`` (F = k x (1 + d x′) where it pushes, with the penetration x and
-    d = `damping` in s/m) or ``'rigid'`` (no penetration, `restitution` at impacts). Friction is Coulomb's.
+    d = `damping` in s/m) or ``'rigid'`` (no penetration, `restitution` at impacts). Friction is Coulomb's, or
+    viscous where `viscosity` is not zero: −`viscosity` times the velocity of the point that touches.
 
     Attributes
     ----------
     body : int
         Number of the body.
     radius : float
-        Radius of the ball that touches, m; 0 for a point at the centre of mass.
+        Radius of the ball that touches, m; 0 for a point.
     surface : {'floor', 'ceiling', 'sphere', 'body'}
         The half-space below or above the height `place`, a fixed sphere of radius `place` about the origin,
         or the ball of the same radius that is the body number `place`.
@@ -57,8 +58,10 @@ class SceneContact:
         As `surface` says.
     law : {'spring', 'hunt_crossley', 'rigid'}
         The law.
-    stiffness, damping, restitution, friction : float
-        Its constants.
+    stiffness, damping, restitution, friction, viscosity : float
+        Its constants; `viscosity` in N s/m.
+    point : tuple of float
+        The point, or the centre of the ball, in body axes from the centre of mass, m.
     """
 
     body: int
@@ -70,6 +73,33 @@ class SceneContact:
     damping: float = 0.0
     restitution: float = 0.0
     friction: float = 0.0
+    viscosity: float = 0.0
+    point: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class SceneHinge:
+    """What a body of a scene turns about: an axis of another body, or of the world.
+
+    Attributes
+    ----------
+    body : int
+        Number of the body.
+    parent : int or None
+        Number of the body that has the axis; None for the world.
+    place : tuple of float
+        The hinge, in axes of the parent from its centre of mass, or in the world, m.
+    arm : tuple of float
+        From the hinge to the centre of mass, in body axes, m.
+    axis : tuple of float
+        Unit vector along the axis, the same in the axes of both.
+    """
+
+    body: int
+    parent: int | None
+    place: tuple[float, float, float]
+    arm: tuple[float, float, float]
+    axis: tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -152,6 +182,8 @@ class ExamScene:
         Stiffness of a spring along x to the origin, N/m.
     contacts : tuple of SceneContact
         What touches.
+    hinges : tuple of SceneHinge
+        What the bodies turn about.
     by_modes_only : bool
         Whether what acts is stated by `modes` alone, as where a ladder slides along two walls.
     modes : Mapping of str to SceneMode
@@ -198,6 +230,7 @@ class ExamScene:
     pivot: tuple[float, float, float] | None = None
     spring: float = 0.0
     contacts: tuple[SceneContact, ...] = ()
+    hinges: tuple[SceneHinge, ...] = ()
     by_modes_only: bool = False
     invariants: Mapping[str, Callable[[Array], Array]] = field(default_factory=dict)
     variation: float = 1e-6
@@ -452,7 +485,15 @@ def _up(y: Numbers) -> tuple[Any, Any, Any]:
 
 def _to_world(y: Numbers, vector: Numbers) -> list[Any]:
     """A vector of the body in world axes, in plain arithmetic; the quaternion has length 1."""
-    v, w = y[3:6], y[6]
+    return _rotated(y[3:6], y[6], vector)
+
+
+def _to_body(y: Numbers, vector: Numbers) -> list[Any]:
+    """A vector of the world in body axes, in plain arithmetic."""
+    return _rotated([-1.0 * x for x in y[3:6]], y[6], vector)
+
+
+def _rotated(v: Numbers, w: Any, vector: Numbers) -> list[Any]:
     once = _cross(v, vector)
     return [x + 2 * (w * a + b) for x, a, b in zip(vector, once, _cross(v, once), strict=True)]
 
@@ -681,6 +722,17 @@ def _rotations() -> list[ExamScene]:
             0.05,
             torque=(0.0, 0.0, 0.4),
         ),
+        _turning(
+            "skew_torque",
+            "a symmetric body under a torque askew to its axis",
+            "a torque that drives all three rates",
+            "Fresnel's integrals for the rates; a linear equation for the quaternion",
+            (1.0, 1.0, 0.5),
+            (1.0, 0.0, 1.0),
+            5.0,
+            0.05,
+            torque=(0.3, -0.2, 0.4),
+        ),
         _heavy(
             "lagrange_top",
             "Lagrange's top, released without precession",
@@ -747,7 +799,89 @@ def _rotations() -> list[ExamScene]:
             0.01,
             parameter="angle at the start, rad",
         ),
+        _double_pendulum(),
     ]
+
+
+def _about_first(y: Numbers) -> tuple[Any, Any]:
+    """Sine and cosine of the angle by which a body is turned about its first axis."""
+    return 2 * y[3] * y[6], y[6] * y[6] - y[3] * y[3]
+
+
+def _double_pendulum() -> ExamScene:
+    (m, n), (long, half, short) = (2.0, 1.0), (1.0, 0.5, 0.4)
+    moments = (m * long**2 / 12, n * short**2 / 3)
+    angles = (2.0, -1.0)
+
+    def turning(y: Numbers) -> list[Any]:
+        """Sines, cosines and rates of both angles, and their accelerations."""
+        (s, c), (p, d) = _about_first(y[:SIZE]), _about_first(y[SIZE:])
+        v, w = y[10], y[SIZE + 10]
+        across, along = s * d - c * p, c * d + s * p
+        mass = (moments[0] + m * half**2 + n * long**2, n * long * short * along, moments[1] + n * short**2)
+        pull = (
+            -(n * long * short) * (across * w * w) - (m * half + n * long) * GRAVITY * s,
+            n * long * short * (across * v * v) - n * short * GRAVITY * p,
+        )
+        whole = mass[0] * mass[2] - mass[1] * mass[1]
+        first = (mass[2] * pull[0] - mass[1] * pull[1]) / whole
+        second = (mass[0] * pull[1] - mass[1] * pull[0]) / whole
+        return [s, c, v, first, p, d, w, second]
+
+    def wrench(t: Any, y: Numbers) -> Wrenches:
+        s, c, v, first, p, d, w, second = turning(y)
+        end = (first * c - v * v * s, first * s + v * v * c)
+        more = (second * d - w * w * p, second * p + w * w * d)
+        return [
+            ((0.0, m * half * end[0], m * half * end[1]), (moments[0] * first, 0.0, 0.0)),
+            (
+                (0.0, n * (long * end[0] + short * more[0]), n * (long * end[1] + short * more[1])),
+                (moments[1] * second, 0.0, 0.0),
+            ),
+        ]
+
+    def energy(y: Array) -> Array:
+        found: Array = np.asarray(
+            0.5 * (m * np.sum(y[0, 7:10] ** 2) + n * np.sum(y[1, 7:10] ** 2))
+            + 0.5 * (moments[0] * y[0, 10] ** 2 + moments[1] * y[1, 10] ** 2)
+            + GRAVITY * (m * y[0, 2] + n * y[1, 2])
+        )
+        return found
+
+    (s, p), (c, d) = map(math.sin, angles), map(math.cos, angles)
+    turned = [(math.sin(angle / 2), 0.0, 0.0, math.cos(angle / 2)) for angle in angles]
+    direction = np.zeros((2, 12))
+    direction[0, [1, 2, 3]] = half * c, half * s, 1.0
+    direction[1, [1, 2]] = long * c, long * s
+    return ExamScene(
+        "double_pendulum",
+        "a double pendulum of two rods",
+        "rotation",
+        "two bodies in a chain, a chaotic motion and its derivative",
+        "Lagrange's equations of both angles from the vertical",
+        "Taylor series; Hamilton's equations by another integrator, and energy",
+        (RigidBody(m, (moments[0], moments[0], 1e-3)), RigidBody(n, (moments[1], moments[1], 1e-3))),
+        _frozen(
+            np.array(
+                [
+                    _state((0.0, half * s, -half * c), turned[0]),
+                    _state((0.0, long * s + short * p, -long * c - short * d), turned[1]),
+                ]
+            )
+        ),
+        2.0,
+        0.01,
+        {"swing": SceneMode("swing", wrench)},
+        "swing",
+        "angle of the first rod at the start, rad",
+        _frozen(direction),
+        gravity=(0.0, 0.0, -GRAVITY),
+        hinges=(
+            SceneHinge(0, None, (0.0, 0.0, 0.0), (0.0, 0.0, -half), (1.0, 0.0, 0.0)),
+            SceneHinge(1, 0, (0.0, 0.0, -half), (0.0, 0.0, -short), (1.0, 0.0, 0.0)),
+        ),
+        invariants={"energy": energy},
+    )
 
 
 # --------------------------------------------------------------------------------------------- contacts
@@ -848,6 +982,43 @@ def _hard_bounce() -> ExamScene:
         _point(1.0), [_state((0.0, 0.0, 1.0))], 2.0, 0.01, [flight],
         "height at the start, m", _along(2), gravity=down,
         contacts=(SceneContact(0, 0.0, "floor", 0.0, "rigid", restitution=e),),
+    )  # fmt: skip
+
+
+def _zeno_rest() -> ExamScene:
+    e, mu, height, down = 0.5, 0.15, 1.0, (0.0, 0.0, -GRAVITY)
+    slowest = 1e-6
+    # the impact after which it would leave more slowly than that
+    last = math.ceil(math.log(math.sqrt(2 * GRAVITY * height) / slowest) / math.log(1 / e))
+
+    def reset(left: float) -> Callable[[Numbers], list[Any]]:
+        def after(y: Numbers) -> list[Any]:
+            return [*y[:7], y[7] + mu * (1.0 + left) * y[9], y[8], -left * y[9], *y[10:]]
+
+        return after
+
+    def flight(k: int) -> SceneMode:
+        ends = k == last
+        guard = SceneGuard(
+            "impact",
+            lambda t, y: y[2],
+            "rest" if ends else f"flight {k + 1}",
+            reset(0.0 if ends else e),
+        )
+        return SceneMode(f"flight {k}", _constant(down), (guard,))
+
+    rest = SceneMode("rest", _constant((-mu * GRAVITY, 0.0, 0.0)))
+    return _contact(
+        "zeno_rest",
+        "a body that slides while its bounces die out",
+        f"{last} impacts that accumulate at √(2h/g) (1 + e)/(1 − e), and the rest after them",
+        "m r″ = −m g e₃;  z′ becomes −e z′ where z falls through 0, or 0 where it would be below 10⁻⁶ m/s,"
+        " and x′ falls by μ times the change of z′;  x″ = −μ g at rest",
+        "x = v₀ t − μ (g t²/2 − h): the floor gives back the impulse of the weight, whatever the bounces",
+        _point(1.0), [_state((0.0, 0.0, height), velocity=(4.0, 0.0, 0.0))], 2.0, 0.01,
+        [*(flight(k) for k in range(1, last + 1)), rest],
+        "height at the start, m", _along(2), gravity=down,
+        contacts=(SceneContact(0, 0.0, "floor", 0.0, "rigid", restitution=e, friction=mu),),
     )  # fmt: skip
 
 
@@ -1077,6 +1248,97 @@ def _ladder() -> ExamScene:
     )  # fmt: skip
 
 
+def _tipping_block() -> ExamScene:
+    half, tall, slope, mu = 0.1, 0.25, math.atan(0.5), 0.9
+    mass, weight = 1.0, _on_slope(slope)
+    arm = half * half + tall * tall
+    moments = (
+        mass * (half**2 + tall**2) / 3, mass * (half**2 + tall**2) / 3, mass * 2 * half**2 / 3,
+    )  # fmt: skip
+
+    def wrench(t: Any, y: Numbers) -> Wrenches:
+        """The lower edge stands still: the block turns about it as a pendulum."""
+        sine, cosine, rate = 2 * y[4] * y[6], y[6] * y[6] - y[4] * y[4], y[11]
+        x, z = tall * sine - half * cosine, tall * cosine + half * sine
+        turn = (z * weight[0] - x * weight[2]) * (mass / (moments[1] + mass * arm))
+        force = (mass * (turn * z - rate * rate * x), 0.0, -mass * (turn * x + rate * rate * z))
+        return [(force, (0.0, moments[1] * turn, 0.0))]
+
+    def energy(y: Array) -> Array:
+        return _mechanical_energy(mass, weight)(y) + _turning_energy(moments, y)
+
+    direction = np.zeros((1, 12))
+    direction[0, [0, 2, 4]] = tall, half, 1.0
+    corners = [(x, y, -tall) for x in (-half, half) for y in (-half, half)]
+    return _contact(
+        "tipping_block",
+        "a block on a slope that tips and does not slide",
+        "tipping where tan α exceeds the breadth by the height, b/h = 0.4, and not sliding below μ = 0.9",
+        "(I + m r²) θ″ = m g r sin θ with θ from the vertical to the centre of mass, about the lower edge",
+        "an elliptic integral for the time; force of the edge within the cone of friction",
+        (RigidBody(mass, moments),), [_state((-half, 0.0, tall))], 0.4, 0.01,
+        [SceneMode("tip", wrench)],
+        "angle at the start, rad", _frozen(direction), gravity=weight,
+        contacts=tuple(
+            SceneContact(0, 0.0, "floor", 0.0, "rigid", friction=mu, point=corner) for corner in corners
+        ),
+        invariants={"energy": energy},
+    )  # fmt: skip
+
+
+def _tippe_top() -> ExamScene:
+    radius, off, mass, viscosity, down = 0.05, 0.015, 0.1, 3.0, (0.0, 0.0, -GRAVITY)
+    across, along = 1e-4, 0.95e-4
+    tilt, spin = 0.3, 100.0
+
+    def wrench(t: Any, y: Numbers) -> Wrenches:
+        """The centre of the ball stays at its height: m z″ = N − m g with z = r − off cos θ."""
+        u, w = _up(y), y[10:13]
+        arm = (-radius * u[0], -radius * u[1], off - radius * u[2])
+        slips = [a + b for a, b in zip(_to_body(y, y[7:10]), _cross(w, arm), strict=True)]
+        drag = [-viscosity * slip for slip in slips]
+        drives = _cross(arm, drag)
+        about = [
+            (across - along) * (w[1] * w[2]) + drives[0],
+            (along - across) * (w[2] * w[0]) + drives[1],
+            drives[2],
+        ]
+        falls = _cross(u, w)
+        # −z″/off but for the part of the force of the floor in ω′
+        known = (u[0] * about[1] - u[1] * about[0]) / across + falls[0] * w[1] - falls[1] * w[0]
+        lean = u[0] * u[0] + u[1] * u[1]
+        push = mass * (GRAVITY - off * known) / (1.0 + mass * off * off / across * lean)
+        torque = (drives[0] - off * push * u[1], drives[1] + off * push * u[0], drives[2])
+        x, y_, z = _to_world(y, drag)
+        return [((x, y_, z + push - mass * GRAVITY), torque)]
+
+    def jellett(y: Array) -> Array:
+        u = np.array(_up(y[0]))
+        arm = np.array([0.0, 0.0, off]) - radius * u
+        return np.asarray(-np.dot(np.array([across, across, along]) * y[0, 10:], arm))
+
+    q = (math.sin(tilt / 2), 0.0, 0.0, math.cos(tilt / 2))
+    start = _state((0.0, 0.0, radius - off * math.cos(tilt)), q, spin=(0.0, 0.0, spin))
+    return _contact(
+        "tippe_top",
+        "a tippe top that turns over",
+        "a ball that slips and turns, lifts its centre of mass and keeps Jellett's integral",
+        "I ω′ = (I ω) × ω + c × F,  m (v′ + g e₃) = F = N u − k (v + ω × c),  with c to the lowest point"
+        " and N such that the ball stays on the floor",
+        "Taylor series; multipliers in world axes by another integrator, and Jellett's integral −L·c",
+        (RigidBody(mass, (across, across, along)),), [start], 0.4, 0.002,
+        [SceneMode("slip", wrench)],
+        "spin at the start, rad/s", _along(11), gravity=down,
+        contacts=(
+            SceneContact(
+                0, radius, "floor", 0.0, "rigid", friction=math.inf, viscosity=viscosity,
+                point=(0.0, 0.0, off),
+            ),
+        ),
+        invariants={"Jellett's integral": jellett}, variation=1e-4,
+    )  # fmt: skip
+
+
 def _dry_oscillator() -> ExamScene:
     k, mu, mass = 20.0, 0.1, 1.0
     drag = mu * mass * GRAVITY
@@ -1243,6 +1505,7 @@ def _contacts() -> list[ExamScene]:
         _compliant_bounce(),
         _hunt_crossley(),
         _hard_bounce(),
+        _zeno_rest(),
         _graze(),
         _incline(
             "incline_slip",
@@ -1261,8 +1524,10 @@ def _contacts() -> list[ExamScene]:
         _spin_impact(),
         _leaving_sphere(),
         _ladder(),
+        _tipping_block(),
         _dry_oscillator(),
         _two_balls(),
         _cradle(),
         _rolling_disk(),
+        _tippe_top(),
     ]  # fmt: skip

@@ -119,9 +119,11 @@ def _steps(vectors: Array) -> NDArray[np.bool_]:
 
 
 def _of_solution(solution: TreeSolution) -> Track:
-    t = times(solution.t)
+    # in the order of time, where it was found backwards
+    order = slice(None, None, -1 if len(solution.t) > 1 and solution.t[-1] < solution.t[0] else 1)
+    t = times(solution.t[order])
     if solution.sol is None:
-        return _of_tree(solution.model, t, solution.q, solution.v)
+        return _of_tree(solution.model, t, solution.q[order], solution.v[order])
     n = int(np.clip((t[-1] - t[0]) / FINE, len(t), _LARGEST)) + 1
     moments = np.linspace(solution.sol.t_min, solution.sol.t_max, n) if len(t) > 1 else t
     return _of_tree(solution.model, moments, *solution.sol(moments))
@@ -247,8 +249,7 @@ def _of_trajectory(trajectory: Trajectory) -> Track:
     t = times(seen.t)
     if sol is not None and len(t) > 1:
         n = int(np.clip((t[-1] - t[0]) / FINE, 10 * len(t), _LARGEST)) + 1
-        first, last = sorted((sol.t_min, sol.t_max))
-        t = np.linspace(first, last, n)
+        t = np.linspace(sol.t_min, sol.t_max, n)
         seen = sol(t)
     shape = (len(t), -1, 3)
     position = np.asarray(seen.position).reshape(shape)

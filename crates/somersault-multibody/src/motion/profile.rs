@@ -4,6 +4,7 @@ use super::TreeForces;
 use crate::error::DynamicsError;
 use nalgebra::DMatrix;
 use somersault_core::argument::{expect_finite, expect_least, expect_length, expect_range};
+use somersault_core::interval::fraction_between;
 use std::sync::Arc;
 
 /// The interpolation between knots.
@@ -50,7 +51,7 @@ impl Knots {
         let knot =
             self.times.partition_point(|time| *time <= t).saturating_sub(1).min(last.saturating_sub(1));
         let Some(next) = self.times.get(knot + 1) else { return (0, 0.0) };
-        let part = ((t - self.times[knot]) / (next - self.times[knot])).clamp(0.0, 1.0);
+        let part = fraction_between(t, self.times[knot], *next).clamp(0.0, 1.0);
         let part = match self.between {
             Between::Line => part,
             Between::Hold => part.floor(),
@@ -156,6 +157,8 @@ mod tests {
             assert!((at(Between::Line, t) - on_line).abs() < 1e-14, "{t}");
             assert_eq!(at(Between::Hold, t), held, "{t}");
         }
+        let far = Knots::try_new(&[-1.5e308, 1.5e308], Between::Line).unwrap();
+        assert_eq!([-1.6e308, 0.0, 0.75e308, 1.6e308].map(|t| far.weight(1, t)), [0.0, 0.5, 0.75, 1.0]);
         let single = Knots::try_new(&[0.3], Between::Line).unwrap();
         assert!([0.0, 0.3, 1.0].iter().all(|t| single.weight(0, *t) == 1.0));
     }

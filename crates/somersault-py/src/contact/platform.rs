@@ -1,6 +1,6 @@
 //! Platforms: bodies beside a tree that move as functions of time.
 
-use crate::core::callable::check_callable;
+use crate::core::callable::{callable_name, check_callable, noted};
 use crate::core::convert::{a_type, finite, finite_all, interval_of, orientation, row, vector, with_shape};
 use crate::core::error::Error;
 use crate::core::value::{brief, counted, value};
@@ -62,7 +62,8 @@ type Numbers<'py> = Bound<'py, PyArrayDyn<f64>>;
 
 /// A motion at a time.
 fn motion_at(motion: &Bound<'_, PyAny>, t: f64) -> Result<PlatformMotion, Error> {
-    let found = motion.call1((t,))?;
+    let found =
+        noted(motion.py(), motion.call1((t,)), || format!("{}(t) at t = {t}", callable_name(motion)))?;
     let wrong = |found: String| {
         Error::input(format!(
             "`motion` must return position, velocity and acceleration, or those and orientation, angular velocity and angular \

@@ -323,7 +323,7 @@ pub(crate) fn differentiate(
     let parameters = self::parameters(parameters, parameter)?;
     let failure = Failure::default();
     let mut reader = Reader { failure: failure.clone(), calls_python: false };
-    let models = reader.sum("forces", forces.unwrap_or(&py.None().into_bound(py)))?;
+    let models = reader.sum("forces", &body.0, forces.unwrap_or(&py.None().into_bound(py)))?;
     let contacts = reader.contacts("contacts", contacts)?;
     let (count, options) = (contacts.len(), Options::default());
     let system = BodyInContact::new(body.0, (models, contacts));

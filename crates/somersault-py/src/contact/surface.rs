@@ -1,6 +1,6 @@
 //! Surfaces, and Python callables in their place.
 
-use crate::core::callable::{Failure, call, callable_name, check_callable};
+use crate::core::callable::{Failure, call, callable_name, check_callable, noted};
 use crate::core::convert::{a_type, any_vector, vector, vector_array, vector_or};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, brief, by_restore, value};
@@ -377,7 +377,10 @@ impl surface::Surface for CallableSurface {
     fn signed_distance(&self, point: &Vector3<f64>) -> SignedDistance {
         let nan = SignedDistance { distance: f64::NAN, gradient: Vector3::repeat(f64::NAN) };
         call(&self.failure, nan, |py| {
-            let returned = self.callable.call1(py, (vector_array(py, point),))?;
+            let returned = self.callable.call1(py, (vector_array(py, point),));
+            let returned = noted(py, returned, || {
+                format!("the surface {} at the point {:?}", self.name, point.as_slice())
+            })?;
             let returned = returned.bind(py);
             let (distance, gradient): (f64, Bound<'_, PyAny>) = returned.extract().map_err(|_| {
                 Error::input(format!(

@@ -2,7 +2,7 @@
 
 use crate::contact::tree::{LinkEvent, TreeTouches};
 use crate::contact::tree_sensitivity::{Arguments, Prepared};
-use crate::core::callable::{Failure, call, callable_name, check_callable};
+use crate::core::callable::{Failure, call, callable_name, check_callable, noted};
 use crate::core::convert::{
     a_type, finite, finite_all, integer_or_none, interval_of, row, row_of_pickled, sequence, with_shape,
 };
@@ -349,7 +349,8 @@ pub(crate) fn gradient_tree(
         let mut integrand = |t: f64, q: &[f64], v: &[f64], out: [&mut [f64]; 2]| {
             call(failure, f64::NAN, |py| {
                 let arguments = (t, PyArray1::from_slice(py, q), PyArray1::from_slice(py, v));
-                value_and_derivatives(&what, running.call1(py, arguments)?.bind(py), out)
+                let returned = noted(py, running.call1(py, arguments), || format!("{what} at t = {t}"))?;
+                value_and_derivatives(&what, returned.bind(py), out)
             })
         };
         recorded.gradient(&end_cost, Some(&mut integrand), &mut watch)

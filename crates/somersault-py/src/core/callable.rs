@@ -2,6 +2,7 @@
 
 use crate::core::convert::a_type;
 use crate::core::error::Error;
+use pyo3::exceptions::PyException;
 use pyo3::prelude::*;
 use std::sync::{Arc, OnceLock};
 
@@ -31,6 +32,28 @@ pub(crate) fn call<T>(failure: &Failure, nan: T, f: impl FnOnce(Python<'_>) -> R
         failure.set(error.into());
         nan
     })
+}
+
+/// What a callable returned. What it raised has a note of who raised it and where, which tracebacks show.
+pub(crate) fn noted<T>(
+    py: Python<'_>,
+    returned: PyResult<T>,
+    who_and_where: impl FnOnce() -> String,
+) -> PyResult<T> {
+    returned.inspect_err(|error| {
+        if error.is_instance_of::<PyException>(py) {
+            // an exception that takes no notes is still the one to raise
+            let _ = add_note(error.value(py).as_any(), &format!("raised by {}", who_and_where()));
+        }
+    })
+}
+
+/// Does what `BaseException.add_note` does, which Python has from 3.11 on.
+fn add_note(raised: &Bound<'_, PyAny>, note: &str) -> PyResult<()> {
+    match raised.getattr_opt("__notes__")? {
+        Some(notes) => notes.call_method1("append", (note,)).map(|_| ()),
+        None => raised.setattr("__notes__", [note]),
+    }
 }
 
 /// What a callable calls itself, for messages.

@@ -1,6 +1,6 @@
 //! The front door: integration of one body or of several.
 
-use crate::core::callable::{Failure, check_callable};
+use crate::core::callable::{Failure, callable_name, check_callable, noted};
 use crate::core::convert::{integer, integer_or_none, interval_of, with_shape};
 use crate::core::error::Error;
 use crate::core::waiting::returns_interrupted;
@@ -28,6 +28,9 @@ use somersault::integrators::state::{Pose, State};
 use somersault::integrators::system::{
     BoxedInteraction, RigidBodiesSystem, RigidBodySystem, RigidSystem, StateOf,
 };
+
+/// Why a run with contacts goes forwards.
+pub(crate) const FORWARD_WITH_CONTACTS: &str = "`interval` must run forward where there are contacts: they dissipate, and many motions lead to one state";
 
 /// A body without forces. Counting would hide from the methods that they can skip the forces.
 struct Free(RigidBodySystem);
@@ -79,8 +82,10 @@ fn run<B: Bodies>(
     given: Given,
 ) -> Result<Py<Solution>, Error> {
     let watch = observer.map(|observer| -> Watch<B::Configuration> {
+        let name = callable_name(observer.bind(py));
         Box::new(move |py, t, x| {
-            let answer = observer.call1(py, (t, B::Configuration::to_python(py, x)?))?;
+            let answer = observer.call1(py, (t, B::Configuration::to_python(py, x)?));
+            let answer = noted(py, answer, || format!("the observer {name} at t = {t}"))?;
             answer.bind(py).is_truthy()
         })
     });
@@ -320,9 +325,7 @@ pub(crate) fn integrate<'py>(
     }
     let events = events.map(|events| EventFunctions::extract("f(t, state)", events)).transpose()?;
     if backwards && (contacts.is_some() || pairs.is_some()) {
-        return Err(Error::input(
-            "`interval` must run forward where there are contacts: they dissipate, and many motions lead to one state",
-        ));
+        return Err(Error::input(FORWARD_WITH_CONTACTS));
     }
     let failure = Failure::default();
     let calls_python = observer.is_some() || events.is_some();
@@ -352,7 +355,7 @@ pub(crate) fn integrate<'py>(
         if interaction.is_some() {
             return Err(Error::input("`interaction` acts between several bodies, and there is one"));
         }
-        let (body, mut models) = (cast.bodies[0], reader.sum("forces", forces)?);
+        let (body, mut models) = (cast.bodies[0], reader.sum("forces", &cast.bodies[0], forces)?);
         if pairs.is_some() {
             return Err(Error::input("`pairs` touch between several bodies, and there is one"));
         }
@@ -378,7 +381,7 @@ pub(crate) fn integrate<'py>(
             run(py, cast, &bodies, &initial[0], &plan, watching(bar), given)
         }
     } else {
-        let each = reader.for_each("forces", cast.bodies.len(), forces)?;
+        let each = reader.for_each("forces", &cast.bodies, forces)?;
         let initial = State::from_bodies(&initial);
         if contacts.is_some() || pairs.is_some() {
             if interaction.is_some() {

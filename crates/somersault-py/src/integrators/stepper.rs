@@ -240,7 +240,7 @@ impl Stepper {
             return_interrupted: false,
         };
         if !self.cast.single {
-            let each = reader.for_each("forces", self.cast.bodies.len(), forces)?;
+            let each = reader.for_each("forces", &self.cast.bodies, forces)?;
             let each = each.into_iter().map(|models| either_way(models, backwards)).collect();
             let mut between = reader.between(progress.interaction.as_ref().map(|value| value.bind(py)))?;
             if backwards {
@@ -250,7 +250,7 @@ impl Stepper {
             return worker_of(system, State::from_bodies(&progress.states), plan, failure);
         }
         let (body, state) = (self.cast.bodies[0], progress.states[0]);
-        let models = either_way(reader.sum("forces", forces)?, backwards);
+        let models = either_way(reader.sum("forces", &body, forces)?, backwards);
         if models.is_empty() {
             worker_of(RigidBodySystem::free(body), state, plan, failure)
         } else {

@@ -398,7 +398,7 @@ impl Problem {
         reference: Option<State>,
         forces: Option<&Bound<'_, PyAny>>,
     ) -> Result<Self, Error> {
-        let models = forces.map_or(Ok(Models::default()), |f| Models::extract("forces", f))?;
+        let models = forces.map_or(Ok(Models::default()), |f| Models::extract("forces", &body.0, f))?;
         let chosen = match (reference, models.is_empty()) {
             (None, true) => Chosen::Free(problem::free_rotation(body.0, state.0, finite("t_end", t_end)?)?),
             (None, false) => {

@@ -337,27 +337,30 @@ pub(crate) struct DenseOutput {
     pub(crate) curves: Arc<Curves>,
 }
 
+impl DenseOutput {
+    /// The least and the greatest time.
+    fn span(&self) -> (f64, f64) {
+        let (first, last) = match &*self.curves {
+            Curves::One(s) => s.span(),
+            Curves::Several(s) => s.span(),
+        }
+        .unwrap_or((f64::NAN, f64::NAN));
+        (first.min(last), first.max(last))
+    }
+}
+
 #[pymethods]
 impl DenseOutput {
-    /// float: First time.
+    /// float: The least time; of a run backwards that of its end, as in SciPy.
     #[getter]
     fn t_min(&self) -> f64 {
-        match &*self.curves {
-            Curves::One(s) => s.times.first(),
-            Curves::Several(s) => s.times.first(),
-        }
-        .copied()
-        .unwrap_or(f64::NAN)
+        self.span().0
     }
 
-    /// float: Last time.
+    /// float: The greatest time; of a run backwards that of its start.
     #[getter]
     fn t_max(&self) -> f64 {
-        match &*self.curves {
-            Curves::One(s) => s.segments.last().map(|(end, _)| *end),
-            Curves::Several(s) => s.segments.last().map(|(end, _)| *end),
-        }
-        .unwrap_or_else(|| self.t_min())
+        self.span().1
     }
 
     #[pyo3(signature = (t, /))]

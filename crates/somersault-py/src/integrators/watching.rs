@@ -1,6 +1,6 @@
 //! Events of users: Python functions of time and state that a run watches.
 
-use crate::core::callable::{Failure, call, callable_name, check_callable};
+use crate::core::callable::{Failure, call, callable_name, check_callable, noted};
 use crate::core::convert::{a_type, sequence};
 use crate::core::error::Error;
 use pyo3::prelude::*;
@@ -77,7 +77,8 @@ impl EventFunctions {
                 let arguments = arguments(py, t, x)?;
                 let each = callables.iter().zip(&names);
                 each.map(|(callable, name)| {
-                    let returned = callable.bind(py).call1(arguments.bind(py))?;
+                    let returned = callable.bind(py).call1(arguments.bind(py));
+                    let returned = noted(py, returned, || format!("{name} at t = {t}"))?;
                     returned.extract::<f64>().map_err(|_| {
                         let found = a_type(&returned);
                         Error::input(format!("{name} must return a real number, found {found} at t = {t}"))

@@ -1,6 +1,6 @@
 //! Momentum-reduced flight of trees.
 
-use crate::core::callable::{Failure, call, callable_name, check_callable};
+use crate::core::callable::{Failure, call, callable_name, check_callable, noted};
 use crate::core::convert::{finite_all, integer, integer_or_none, interval_of, with_shape};
 use crate::core::error::Error;
 use crate::core::waiting::returns_interrupted;
@@ -40,7 +40,8 @@ impl ShapeMotion for Shape {
         self.calls.fetch_add(1, Ordering::Relaxed);
         let nan = (vec![f64::NAN; q.len()], vec![f64::NAN; v.len()]);
         let found = call(&self.failure, nan, |py| {
-            let returned = self.callable.call1(py, (t,))?;
+            let returned = self.callable.call1(py, (t,));
+            let returned = noted(py, returned, || format!("{}(t) at t = {t}", self.name))?;
             let (of_q, of_v): (Bound<'_, PyAny>, Bound<'_, PyAny>) =
                 returned.bind(py).extract().map_err(|_| {
                     let (name, n, m) = (&self.name, q.len(), v.len());

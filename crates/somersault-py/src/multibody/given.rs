@@ -1,6 +1,6 @@
 //! Numbers of the degrees of freedom of a tree, as they are, at knots of time or by a callable.
 
-use crate::core::callable::{Failure, call, callable_name};
+use crate::core::callable::{Failure, call, callable_name, noted};
 use crate::core::convert::{finite_all, with_shape};
 use crate::core::error::Error;
 use crate::multibody::profile::TorqueProfile;
@@ -92,8 +92,9 @@ impl Given {
             Source::Callable { callable, name } => {
                 let found = call(&self.failure, vec![f64::NAN; out.len()], |py| {
                     let arguments = (t, PyArray1::from_slice(py, q), PyArray1::from_slice(py, v));
-                    let returned = callable.call1(py, arguments)?;
                     let what = format!("{name}(t, q, v)");
+                    let returned = callable.call1(py, arguments);
+                    let returned = noted(py, returned, || format!("{what} at t = {t}"))?;
                     finite_all(&what, with_shape(&what, &[v.len()], returned.bind(py))?)
                 });
                 all(out, &found);

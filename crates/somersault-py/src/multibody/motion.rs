@@ -1,14 +1,16 @@
 //! Motion of trees under joint forces, with joints that may be driven.
 
 use crate::contact::tree::{LinkEvent, PickledTouches, TreeContactList, TreeTouches, stretched};
-use crate::core::callable::{Failure, check_callable};
+use crate::core::callable::{Failure, callable_name, check_callable, noted};
 use crate::core::convert::{array, finite_all, integer, integer_or_none, interval_of, times, with_shape};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, value};
 use crate::core::waiting::returns_interrupted;
+use crate::integrators::integrate::FORWARD_WITH_CONTACTS;
 use crate::integrators::methods;
 use crate::integrators::monitor::{Finish, Monitor, ProgressBar, Watch};
 use crate::integrators::plan::{self, Plan, StepArguments, start_up_of, stiff_of};
+use crate::integrators::solve;
 use crate::integrators::trajectory::Report;
 use crate::integrators::watching::{EventFunctions, EventsByFunction};
 use crate::multibody::given::{Given, drive};
@@ -21,6 +23,7 @@ use somersault::contact::tree::TouchingState;
 use somersault::integrators::augmented::Augmented;
 use somersault::integrators::events::{Interrupted, Located, Location};
 use somersault::integrators::methods::{Method, Options};
+use somersault::integrators::reversal::TimeReversed;
 use somersault::integrators::solution;
 use somersault::integrators::state::{Configuration, State};
 use somersault::multibody::motion::{Coordinates, TreeState, TreeSystem};
@@ -88,7 +91,7 @@ pub(crate) struct TreeDenseOutput {
 trait Curves {
     /// The state at a time.
     fn at(&self, t: f64) -> Option<TreeState>;
-    /// First and last time.
+    /// The least and the greatest time.
     fn span(&self) -> (f64, f64);
 }
 
@@ -97,16 +100,16 @@ impl<Q: OfTree> Curves for solution::Solution<Q> {
         self.at(t).map(|x| Q::tree(&x))
     }
     fn span(&self) -> (f64, f64) {
-        let first = self.times.first().copied().unwrap_or(f64::NAN);
-        (first, self.segments.last().map_or(first, |(end, _)| *end))
+        let (first, last) = self.span().unwrap_or((f64::NAN, f64::NAN));
+        (first.min(last), first.max(last))
     }
 }
 
 value! {
     impl TreeDenseOutput {
-        /// float: First time.
+        /// float: The least time; of a run backwards that of its end, as in SciPy.
         t_min: f64 = |own| own.curves.span().0;
-        /// float: Last time.
+        /// float: The greatest time; of a run backwards that of its start.
         t_max: f64 = |own| own.curves.span().1;
     }
 }
@@ -325,7 +328,8 @@ impl TreeSolution {
 /// q, v : array_like, shape (n_positions,) and (n_velocities,)
 ///     Configuration and velocity at the start.
 /// interval : tuple of float
-///     Start and end time, s.
+///     Start and end time, s. Where the end is before the start the motion is followed back in time, without contacts and knots of
+///     a `TorqueProfile`.
 /// dt : float, optional
 ///     Step, s; without it steps are adapted.
 /// method : str or MethodInfo, optional
@@ -376,6 +380,12 @@ impl TreeSolution {
 /// >>> motion = multibody.integrate_tree(pole, [0.0, 0.1], [0.0, 0.0], (0.0, 1.0), dt=0.01)
 /// >>> motion.q.shape
 /// (101, 2)
+///
+/// Back to the start:
+///
+/// >>> back = multibody.integrate_tree(pole, motion.q[-1], motion.v[-1], (1.0, 0.0), rtol=1e-10, atol=1e-12)
+/// >>> bool(abs(back.q[-1] - motion.q[0]).max() < 1e-6)
+/// True
 ///
 /// A leg that hops, with located events:
 ///
@@ -429,7 +439,10 @@ pub(crate) fn integrate_tree<'py>(
     let default = if dt.is_some() { Method::Rkmk } else { Method::Rkmk8 };
     let method = method.map_or(Ok(default), |m| methods::extract("method", m))?;
     let arguments = StepArguments { dt, rtol, atol, max_step, first_step, max_steps };
-    let steps = arguments.steps(method, interval)?;
+    let (steps, backwards) = arguments.either_way(method, interval)?;
+    if backwards && contacts.is_some() {
+        return Err(Error::input(FORWARD_WITH_CONTACTS));
+    }
     let q = finite_all("q", with_shape("q", &[tree.n_positions()], q)?)?;
     let v = finite_all("v", with_shape("v", &[n], v)?)?;
     let initial = tree.state(&q, &v)?;
@@ -441,6 +454,11 @@ pub(crate) fn integrate_tree<'py>(
     let split = active.map_or(Ok(Split::new(vec![false; n])), |active| model.get().split(active))?;
     let failure = Failure::default();
     let torque = Given::extract("torque", n, torque, &failure)?;
+    if backwards && torque.has_knots() {
+        return Err(Error::input(
+            "`torque` must be numbers or a callable where `interval` runs backwards, found a TorqueProfile",
+        ));
+    }
     let acceleration = Given::accelerations(n, acceleration, &failure)?;
     if let Some(observer) = &observer {
         check_callable("observer", "f(t, q, v)", observer)?;
@@ -456,7 +474,7 @@ pub(crate) fn integrate_tree<'py>(
         method,
         options: Options { start_up: start_up_of(start_up)? },
         steps,
-        backwards: false,
+        backwards,
         every,
         t_eval,
         dense: dense_output,
@@ -474,8 +492,13 @@ pub(crate) fn integrate_tree<'py>(
     let contacts = contacts.or_else(|| torque.has_knots().then(TreeContactList::default));
     let Some(contacts) = contacts else {
         let mut monitor = requested.monitor(py, &initial, &failure)?;
-        let outcome =
-            monitor.supervise(py, &plan, |monitor| plan.run(&system).observed_by(monitor).from(&initial))?;
+        let outcome = monitor.supervise(py, &plan, |monitor| {
+            if backwards {
+                solve::integrate(&TimeReversed(&system), &initial, &plan, monitor)
+            } else {
+                solve::integrate(&system, &initial, &plan, monitor)
+            }
+        })?;
         let n_rejected = outcome.as_ref().map_or(0, |outcome| outcome.rejected);
         let status = outcome.map(|outcome| outcome.status).map_err(Error::from);
         return requested.conclude(py, monitor.finish(py, status), n_rejected, |_| Ok(None));
@@ -521,10 +544,12 @@ impl Requested<'_, '_> {
     ) -> Result<Monitor<Q>, Error> {
         let tree = &self.model.get().model;
         let watch = self.observer.as_ref().map(|observer| -> Watch<Q> {
+            let name = callable_name(observer);
             let (observer, model) = (observer.clone().unbind(), self.model.clone().unbind());
             Box::new(move |py, t, x| {
                 let (q, v) = coordinates(&model.get().model, x)?;
-                let answer = observer.call1(py, (t, PyArray1::from_vec(py, q), PyArray1::from_vec(py, v)))?;
+                let answer = observer.call1(py, (t, PyArray1::from_vec(py, q), PyArray1::from_vec(py, v)));
+                let answer = noted(py, answer, || format!("the observer {name} at t = {t}"))?;
                 answer.bind(py).is_truthy()
             })
         });

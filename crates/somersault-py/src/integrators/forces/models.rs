@@ -1,6 +1,6 @@
 //! Forces and torques: the models of the library, and Python callables in their place.
 
-use crate::core::callable::{Failure, call, callable_name};
+use crate::core::callable::{Failure, call, callable_name, noted};
 use crate::core::convert::{
     a_type, any_vector, any_vectors, finite, sequence, vector, vector_array, vector_or,
 };
@@ -19,7 +19,35 @@ use std::sync::Arc;
 
 /// Base of the built-in force models.
 #[pyclass(frozen, subclass, module = "somersault.forces")]
-pub(crate) struct ForceModel(Shared);
+pub(crate) struct ForceModel {
+    model: Shared,
+    /// The one body that it acts on, where it is part of one.
+    carrier: Option<body::RigidBody>,
+}
+
+/// Moments of inertia within this much of the largest are the same.
+const SAME_INERTIA: f64 = 1e-9;
+
+impl ForceModel {
+    /// The model, as what acts on a body; fails where it is part of a body with another inertia.
+    fn acting_on(model: &Bound<'_, Self>, argument: &str, body: &body::RigidBody) -> Result<Shared, Error> {
+        let Self { model: shared, carrier } = model.get();
+        if let Some(carrier) = carrier {
+            let of_carrier = carrier.inertia();
+            let off = (of_carrier.tensor() - body.inertia().tensor()).amax();
+            if off > SAME_INERTIA * of_carrier.principal_moments().max() {
+                let shown = |body: &body::RigidBody| Bound::new(model.py(), RigidBody(*body))?.repr();
+                return Err(Error::input(format!(
+                    "`{argument}` must act on the `carrier` of its {}, {}, found {}",
+                    model.get_type().name()?,
+                    shown(carrier)?,
+                    shown(body)?
+                )));
+            }
+        }
+        Ok(shared.clone())
+    }
+}
 
 #[pymethods]
 impl ForceModel {
@@ -48,14 +76,13 @@ impl ForceModel {
     /// >>> round(float(force[0]), 6)
     /// -8.0
     fn wrench<'py>(
-        &self,
-        py: Python<'py>,
+        slf: &Bound<'py, Self>,
         t: f64,
         body: RigidBody,
         state: State,
-    ) -> (Bound<'py, PyAny>, Bound<'py, PyAny>) {
-        let wrench = force::ForceModel::wrench(&self.0, t, &body.0, &state.0);
-        (vector_array(py, &wrench.force), vector_array(py, &wrench.torque))
+    ) -> Result<(Bound<'py, PyAny>, Bound<'py, PyAny>), Error> {
+        let wrench = force::ForceModel::wrench(&Self::acting_on(slf, "body", &body.0)?, t, &body.0, &state.0);
+        Ok((vector_array(slf.py(), &wrench.force), vector_array(slf.py(), &wrench.torque)))
     }
 }
 
@@ -102,7 +129,21 @@ where
     M: force::ForceModel + Clone + Send + Sync + 'static,
     C: pyo3::PyClass<BaseType = ForceModel>,
 {
-    PyClassInitializer::from(ForceModel(Shared(Arc::new(model.clone())))).add_subclass(wrap(model))
+    build_for(None, model, wrap)
+}
+
+/// The same of a model that acts on one body only, where that is known.
+pub(crate) fn build_for<M, C>(
+    carrier: Option<body::RigidBody>,
+    model: M,
+    wrap: impl FnOnce(M) -> C,
+) -> PyClassInitializer<C>
+where
+    M: force::ForceModel + Clone + Send + Sync + 'static,
+    C: pyo3::PyClass<BaseType = ForceModel>,
+{
+    let base = ForceModel { model: Shared(Arc::new(model.clone())), carrier };
+    PyClassInitializer::from(base).add_subclass(wrap(model))
 }
 
 /// Uniform gravity: F = m g.
@@ -498,7 +539,8 @@ const NAN: Vector3<f64> = Vector3::new(f64::NAN, f64::NAN, f64::NAN);
 impl force::ForceModel for CallableForce {
     fn wrench(&self, t: f64, _: &body::RigidBody, x: &RigidBodyState) -> Wrench {
         call(&self.failure, Wrench { force: NAN, torque: NAN }, |py| {
-            let returned = self.callable.call1(py, (t, State(*x)))?;
+            let returned = self.callable.call1(py, (t, State(*x)));
+            let returned = noted(py, returned, || format!("the force {} at t = {t}", self.name))?;
             let (force, torque) = pair(&self.name, "(3,)", returned.bind(py))?;
             let vector = |part: usize, value| {
                 any_vector("returned", value).map_err(|error| {
@@ -532,9 +574,14 @@ pub(crate) struct Reader {
 }
 
 impl Reader {
-    fn model(&mut self, argument: &str, value: &Bound<'_, PyAny>) -> Result<BoxedForce, Error> {
+    fn model(
+        &mut self,
+        argument: &str,
+        body: &body::RigidBody,
+        value: &Bound<'_, PyAny>,
+    ) -> Result<BoxedForce, Error> {
         if let Ok(model) = value.cast::<ForceModel>() {
-            return Ok(Box::new(model.get().0.clone()));
+            return Ok(Box::new(ForceModel::acting_on(model, argument, body)?));
         }
         if value.is_callable() && !value.is_instance_of::<pyo3::types::PyType>() {
             self.calls_python = true;
@@ -550,14 +597,19 @@ impl Reader {
         )))
     }
 
-    /// The sum of one or several models; None is no force.
-    pub(crate) fn sum(&mut self, argument: &str, value: &Bound<'_, PyAny>) -> Result<Vec<BoxedForce>, Error> {
+    /// The sum of one or several models that act on a body; None is no force.
+    pub(crate) fn sum(
+        &mut self,
+        argument: &str,
+        body: &body::RigidBody,
+        value: &Bound<'_, PyAny>,
+    ) -> Result<Vec<BoxedForce>, Error> {
         if value.is_none() {
             return Ok(Vec::new());
         }
         match sequence(value) {
-            Some(list) => list.try_iter()?.map(|f| self.model(argument, &f?)).collect(),
-            None => Ok(vec![self.model(argument, value)?]),
+            Some(list) => list.try_iter()?.map(|f| self.model(argument, body, &f?)).collect(),
+            None => Ok(vec![self.model(argument, body, value)?]),
         }
     }
 
@@ -565,15 +617,21 @@ impl Reader {
     pub(crate) fn for_each(
         &mut self,
         argument: &str,
-        bodies: usize,
+        bodies: &[body::RigidBody],
         value: &Bound<'_, PyAny>,
     ) -> Result<Vec<Vec<BoxedForce>>, Error> {
         match sequence(value) {
             Some(list) if list.len()? > 0 => {
-                list.try_iter()?.map(|entry| self.sum(argument, &entry?)).collect()
+                // entries beyond the bodies are counted by the system
+                let each = bodies.iter().map(Some).chain(std::iter::repeat(None));
+                let each = list.try_iter()?.zip(each);
+                each.map(|(entry, body)| {
+                    body.map_or(Ok(Vec::new()), |body| self.sum(argument, body, &entry?))
+                })
+                .collect()
             }
-            Some(_) => Ok((0..bodies).map(|_| Vec::new()).collect()),
-            None => (0..bodies).map(|_| self.sum(argument, value)).collect(),
+            Some(_) => Ok(bodies.iter().map(|_| Vec::new()).collect()),
+            None => bodies.iter().map(|body| self.sum(argument, body, value)).collect(),
         }
     }
 
@@ -604,9 +662,16 @@ pub(crate) struct Models(Arc<[Py<ForceModel>]>);
 
 impl Models {
     /// One built-in model or several.
-    pub(crate) fn extract(argument: &str, value: &Bound<'_, PyAny>) -> Result<Self, Error> {
+    pub(crate) fn extract(
+        argument: &str,
+        body: &body::RigidBody,
+        value: &Bound<'_, PyAny>,
+    ) -> Result<Self, Error> {
         let model = |value: &Bound<'_, PyAny>| match value.cast::<ForceModel>() {
-            Ok(model) => Ok(model.clone().unbind()),
+            Ok(model) => {
+                ForceModel::acting_on(model, argument, body)?;
+                Ok(model.clone().unbind())
+            }
             Err(_) => {
                 Err(Error::input(format!("`{argument}` must hold force models, found {}", a_type(value))))
             }
@@ -630,7 +695,7 @@ impl Models {
 
     /// What they are to a system.
     pub(crate) fn boxed(&self) -> Vec<BoxedForce> {
-        self.0.iter().map(|model| Box::new(model.get().0.clone()) as BoxedForce).collect()
+        self.0.iter().map(|model| Box::new(model.get().model.clone()) as BoxedForce).collect()
     }
 }
 
@@ -646,7 +711,8 @@ impl Interaction for CallableInteraction {
         let Self { callable, name, failure } = self;
         let nan = vec![Twist { linear: NAN, angular: NAN }; out.len()];
         let wrenches = call(failure, nan, |py| {
-            let returned = callable.call1(py, (t, states_list(py, x)?))?;
+            let returned = callable.call1(py, (t, states_list(py, x)?));
+            let returned = noted(py, returned, || format!("the interaction {name} at t = {t}"))?;
             let shape = format!("({}, 3)", out.len());
             let (forces, torques) = pair(name, &shape, returned.bind(py))?;
             let vectors = |part: usize, value| {

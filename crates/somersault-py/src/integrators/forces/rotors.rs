@@ -4,9 +4,9 @@ use crate::core::convert::{
     any_vectors, array, check_finite, finite, numbers_or_one, real_numbers, times, with_shape,
 };
 use crate::core::error::Error;
-use crate::core::value::{Pickled, by_restore, counted};
+use crate::core::value::{Pickled, by_restore, counted, value};
 use crate::integrators::bodies::RigidBody;
-use crate::integrators::forces::models::{ForceModel, build};
+use crate::integrators::forces::models::{ForceModel, build_for};
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 use somersault::integrators::nalgebra::Vector3;
@@ -78,8 +78,9 @@ fn columns_at<'py>(
 /// Reaction wheels: the torque of rotors that exchange angular momentum with the body.
 ///
 /// With axes a_i, moments J_i about them, speeds Ω_i relative to the body and torques u_i of their motors, h_i = J_i (Ω_i + a_i·ω) obeys
-/// h_i′ = u_i, and (I − Σ J_i a_i a_iᵀ) ω′ = L × ω − Σ a_i u_i + M with L = I ω + Σ J_i Ω_i a_i, body frame. `carrier` gives the body of the
-/// inertia on the left, which is the one to integrate; R L is constant where there is no other torque, whatever the motors do.
+/// h_i′ = u_i, and (I − Σ J_i a_i a_iᵀ) ω′ = L × ω − Σ a_i u_i + M with L = I ω + Σ J_i Ω_i a_i, body frame. `carrier` is the body of the
+/// inertia on the left, which is the one to integrate: on a body of another inertia the wheels refuse to act. R L is constant where there is
+/// no other torque, whatever the motors do.
 ///
 /// Parameters
 /// ----------
@@ -93,6 +94,13 @@ fn columns_at<'py>(
 ///     u_i, N m: constant, or a row for each of `times`, linear between them and constant outside.
 /// times : array_like, shape (k,), optional
 ///     Times of the rows of `torques`, increasing, s.
+/// body : RigidBody, optional
+///     The body with its wheels, of the inertia I. It may be left out where `inertias` are zero; then they act on any body.
+///
+/// Raises
+/// ------
+/// InputError
+///     If an argument is not allowed, or the moments of the wheels are too large for the body.
 ///
 /// Notes
 /// -----
@@ -105,25 +113,40 @@ fn columns_at<'py>(
 ///
 /// >>> import somersault
 /// >>> satellite = somersault.RigidBody(12.0, (0.3, 0.2, 0.4))
-/// >>> wheels = somersault.forces.ReactionWheels([(0, 0, 1)], 1e-3, torques=[[0], [2e-3], [0]], times=[0, 5, 10])
-/// >>> motion = somersault.integrate(wheels.carrier(satellite), somersault.State(), (0.0, 10.0), dt=0.5, forces=wheels)
+/// >>> wheels = somersault.forces.ReactionWheels(
+/// ...     [(0, 0, 1)], 1e-3, torques=[[0], [2e-3], [0]], times=[0, 5, 10], body=satellite)
+/// >>> motion = somersault.integrate(wheels.carrier, somersault.State(), (0.0, 10.0), dt=0.5, forces=wheels)
 /// >>> motion.angular_velocity_body[-1].round(6) + 0.0
 /// array([ 0.      ,  0.      , -0.025063])
 /// >>> wheels.momentum(10.0)
 /// array([0.  , 0.  , 0.01])
 #[pyclass(frozen, extends = ForceModel, module = "somersault.forces")]
-pub(crate) struct ReactionWheels(Rotors<rotors::ReactionWheels>);
+pub(crate) struct ReactionWheels {
+    wheels: rotors::ReactionWheels,
+    body: Option<RigidBody>,
+    carrier: Option<RigidBody>,
+}
+
+value! {
+    impl ReactionWheels {
+        /// RigidBody or None: The body with its wheels.
+        body: Option<RigidBody> = |own| own.body;
+        /// RigidBody or None: The body that the wheels act on, with the inertia I − Σ J a aᵀ; None where no body was given.
+        carrier: Option<RigidBody> = |own| own.carrier;
+    }
+}
 
 #[pymethods]
 impl ReactionWheels {
     #[new]
-    #[pyo3(signature = (axes, inertias, momenta=None, torques=None, times=None))]
+    #[pyo3(signature = (axes, inertias, momenta=None, torques=None, times=None, *, body=None))]
     fn new(
         axes: &Bound<'_, PyAny>,
         inertias: &Bound<'_, PyAny>,
         momenta: Option<&Bound<'_, PyAny>>,
         torques: Option<&Bound<'_, PyAny>>,
         times: Option<&Bound<'_, PyAny>>,
+        body: Option<RigidBody>,
     ) -> Result<PyClassInitializer<Self>, Error> {
         let axes = self::axes("axes", axes)?;
         let inertias = numbers_or_one("inertias", axes.len(), inertias)?;
@@ -136,29 +159,15 @@ impl ReactionWheels {
                 .map_err(|error| Error::from(error).with_names(&names))
         });
         let wheels = rotors::ReactionWheels(wheels.collect::<Result<_, _>>()?);
-        Ok(build(Rotors(wheels), Self))
-    }
-
-    /// The body that the wheels act on, with the inertia I − Σ J a aᵀ.
-    ///
-    /// Parameters
-    /// ----------
-    /// body : RigidBody
-    ///     The body with its wheels.
-    ///
-    /// Raises
-    /// ------
-    /// InputError
-    ///     If the moments of the wheels are too large for the body.
-    ///
-    /// Examples
-    /// --------
-    /// >>> import somersault
-    /// >>> wheels = somersault.forces.ReactionWheels([(1, 0, 0)], 0.05)
-    /// >>> wheels.carrier(somersault.RigidBody(12.0, (0.3, 0.2, 0.4))).inertia.diagonal()
-    /// array([0.25, 0.2 , 0.4 ])
-    fn carrier(&self, body: RigidBody) -> Result<RigidBody, Error> {
-        Ok(RigidBody(self.0.0.carrier(&body.0).map_err(|error| Error::from(error).within("body"))?))
+        if body.is_none() && wheels.0.iter().any(|wheel| wheel.inertia() > 0.0) {
+            return Err(Error::input(
+                "`body` must be given where `inertias` are not zero: wheels act on its `carrier`, which is the body without them",
+            ));
+        }
+        let carrier = body.map(|body| wheels.carrier(&body.0)).transpose();
+        let carrier = carrier.map_err(|error| Error::from(error).within("body"))?;
+        let wrap = |Rotors(wheels)| Self { wheels, body, carrier: carrier.map(RigidBody) };
+        Ok(build_for(carrier, Rotors(wheels), wrap))
     }
 
     /// Sum of the angular momenta of the wheels about their axes, H = Σ a_i h_i.
@@ -176,10 +185,11 @@ impl ReactionWheels {
     /// Examples
     /// --------
     /// >>> import somersault
-    /// >>> somersault.forces.ReactionWheels([(1, 0, 0)], 0.05, 0.2, torques=0.1).momentum(3.0)
+    /// >>> satellite = somersault.RigidBody(12.0, (0.3, 0.2, 0.4))
+    /// >>> somersault.forces.ReactionWheels([(1, 0, 0)], 0.05, 0.2, torques=0.1, body=satellite).momentum(3.0)
     /// array([0.5, 0. , 0. ])
     fn momentum<'py>(&self, t: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
-        columns_at(t, 3, |t| self.0.0.momentum(t).0.as_slice().to_vec())
+        columns_at(t, 3, |t| self.wheels.momentum(t).0.as_slice().to_vec())
     }
 
     /// Angular momentum of each wheel about its axis, h_i; its speed is Ω_i = h_i/J_i − a_i·ω.
@@ -197,25 +207,27 @@ impl ReactionWheels {
     /// Examples
     /// --------
     /// >>> import somersault
-    /// >>> somersault.forces.ReactionWheels([(1, 0, 0)], 0.05, 0.2, torques=0.1).wheel_momenta([0.0, 3.0])
+    /// >>> satellite = somersault.RigidBody(12.0, (0.3, 0.2, 0.4))
+    /// >>> wheels = somersault.forces.ReactionWheels([(1, 0, 0)], 0.05, 0.2, torques=0.1, body=satellite)
+    /// >>> wheels.wheel_momenta([0.0, 3.0])
     /// array([[0.2],
     ///        [0.5]])
     fn wheel_momenta<'py>(&self, t: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
-        let wheels = &self.0.0.0;
+        let wheels = &self.wheels.0;
         columns_at(t, wheels.len(), |t| wheels.iter().map(|wheel| wheel.momentum(t)).collect())
     }
 
     fn __repr__(&self) -> String {
-        format!("<ReactionWheels: {}>", counted(self.0.0.0.len(), "wheel", "wheels"))
+        format!("<ReactionWheels: {}>", counted(self.wheels.0.len(), "wheel", "wheels"))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
-        let wheels = &slf.get().0.0.0;
+        let wheels = &slf.get().wheels.0;
         let axes: Vec<[f64; 3]> = wheels.iter().map(|wheel| (*wheel.axis()).into()).collect();
         let inertias: Vec<_> = wheels.iter().map(ReactionWheel::inertia).collect();
         let momenta: Vec<_> = wheels.iter().map(|wheel| wheel.momentum(0.0)).collect();
         let (times, torques) = rows(wheels.iter().map(ReactionWheel::torque));
-        by_restore(slf, (axes, inertias, momenta, torques, times))
+        by_restore(slf, (axes, inertias, momenta, torques, times, slf.get().body))
     }
 
     /// Pickled wheels.
@@ -227,8 +239,9 @@ impl ReactionWheels {
         momenta: &Bound<'_, PyAny>,
         torques: &Bound<'_, PyAny>,
         times: &Bound<'_, PyAny>,
+        body: Option<RigidBody>,
     ) -> Result<Py<Self>, Error> {
-        Ok(Py::new(cls.py(), Self::new(axes, inertias, Some(momenta), Some(torques), Some(times))?)?)
+        Ok(Py::new(cls.py(), Self::new(axes, inertias, Some(momenta), Some(torques), Some(times), body)?)?)
     }
 }
 
@@ -252,23 +265,35 @@ impl ReactionWheels {
 ///     γ_i′, rad/s: constant, or a row for each of `times`, linear between them and constant outside.
 /// times : array_like, shape (k,), optional
 ///     Times of the rows of `rates`, increasing, s.
+/// body : RigidBody, optional
+///     The body with its gyros. Where it is given they refuse to act on a body of another inertia.
 ///
 /// Examples
 /// --------
 /// >>> import numpy as np
 /// >>> import somersault
-/// >>> gyro = somersault.forces.ControlMomentGyros([(0, 0, 1)], [(1, 0, 0)], 0.5, rates=0.1)
+/// >>> satellite = somersault.RigidBody(12.0, (0.3, 0.2, 0.4))
+/// >>> gyro = somersault.forces.ControlMomentGyros([(0, 0, 1)], [(1, 0, 0)], 0.5, rates=0.1, body=satellite)
 /// >>> gyro.momentum(5 * np.pi).round(6) + 0.0
 /// array([0. , 0.5, 0. ])
-/// >>> satellite = somersault.RigidBody(12.0, (0.3, 0.2, 0.4))
 /// >>> turning = somersault.integrate(satellite, somersault.State(), (0.0, 1.0), dt=0.1, forces=gyro)
 #[pyclass(frozen, extends = ForceModel, module = "somersault.forces")]
-pub(crate) struct ControlMomentGyros(Rotors<rotors::ControlMomentGyros>);
+pub(crate) struct ControlMomentGyros {
+    gyros: rotors::ControlMomentGyros,
+    carrier: Option<RigidBody>,
+}
+
+value! {
+    impl ControlMomentGyros {
+        /// RigidBody or None: The body that the gyros act on, which is the body with them; None where it was not given.
+        carrier: Option<RigidBody> = |own| own.carrier;
+    }
+}
 
 #[pymethods]
 impl ControlMomentGyros {
     #[new]
-    #[pyo3(signature = (gimbals, spins, momenta, angles=None, rates=None, times=None))]
+    #[pyo3(signature = (gimbals, spins, momenta, angles=None, rates=None, times=None, *, body=None))]
     fn new(
         gimbals: &Bound<'_, PyAny>,
         spins: &Bound<'_, PyAny>,
@@ -276,6 +301,7 @@ impl ControlMomentGyros {
         angles: Option<&Bound<'_, PyAny>>,
         rates: Option<&Bound<'_, PyAny>>,
         times: Option<&Bound<'_, PyAny>>,
+        body: Option<RigidBody>,
     ) -> Result<PyClassInitializer<Self>, Error> {
         let gimbals = axes("gimbals", gimbals)?;
         let count = gimbals.len();
@@ -291,7 +317,8 @@ impl ControlMomentGyros {
                 .map_err(|error| Error::from(error).with_names(&names))
         });
         let gyros = rotors::ControlMomentGyros(gyros.collect::<Result<_, _>>()?);
-        Ok(build(Rotors(gyros), Self))
+        let wrap = |Rotors(gyros)| Self { gyros, carrier: body };
+        Ok(build_for(body.map(|body| body.0), Rotors(gyros), wrap))
     }
 
     /// Sum of the angular momenta of the rotors, H.
@@ -312,7 +339,7 @@ impl ControlMomentGyros {
     /// >>> somersault.forces.ControlMomentGyros([(0, 0, 1)], [(1, 0, 0)], 0.5).momentum(0.0)
     /// array([0.5, 0. , 0. ])
     fn momentum<'py>(&self, t: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
-        columns_at(t, 3, |t| self.0.0.momentum(t).0.as_slice().to_vec())
+        columns_at(t, 3, |t| self.gyros.momentum(t).0.as_slice().to_vec())
     }
 
     /// Angles of the gimbals, γ_i.
@@ -334,16 +361,16 @@ impl ControlMomentGyros {
     /// >>> gyro.gimbal_angles(5.0)
     /// array([0.75])
     fn gimbal_angles<'py>(&self, t: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
-        let gyros = &self.0.0.0;
+        let gyros = &self.gyros.0;
         columns_at(t, gyros.len(), |t| gyros.iter().map(|gyro| gyro.angle(t)).collect())
     }
 
     fn __repr__(&self) -> String {
-        format!("<ControlMomentGyros: {}>", counted(self.0.0.0.len(), "gyro", "gyros"))
+        format!("<ControlMomentGyros: {}>", counted(self.gyros.0.len(), "gyro", "gyros"))
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
-        let gyros = &slf.get().0.0.0;
+        let gyros = &slf.get().gyros.0;
         let vectors = |axis: fn(&ControlMomentGyro) -> &Vector3<f64>| -> Vec<[f64; 3]> {
             gyros.iter().map(|gyro| (*axis(gyro)).into()).collect()
         };
@@ -351,7 +378,7 @@ impl ControlMomentGyros {
         let angles: Vec<_> = gyros.iter().map(|gyro| gyro.angle(0.0)).collect();
         let (times, rates) = rows(gyros.iter().map(ControlMomentGyro::rate));
         let axes = (vectors(ControlMomentGyro::gimbal), vectors(ControlMomentGyro::spin));
-        by_restore(slf, (axes.0, axes.1, momenta, angles, rates, times))
+        by_restore(slf, (axes.0, axes.1, momenta, angles, rates, times, slf.get().carrier))
     }
 
     /// Pickled gyros.
@@ -364,8 +391,9 @@ impl ControlMomentGyros {
         angles: &Bound<'_, PyAny>,
         rates: &Bound<'_, PyAny>,
         times: &Bound<'_, PyAny>,
+        body: Option<RigidBody>,
     ) -> Result<Py<Self>, Error> {
-        let gyros = Self::new(gimbals, spins, momenta, Some(angles), Some(rates), Some(times))?;
+        let gyros = Self::new(gimbals, spins, momenta, Some(angles), Some(rates), Some(times), body)?;
         Ok(Py::new(cls.py(), gyros)?)
     }
 }
