@@ -419,11 +419,13 @@ mod tests {
             coefficients: (0..7 * 4).map(|_| random(0.6)).collect(),
         };
         let token = CancellationToken::new();
+        // the leg is beyond them at some knots
+        let limits = vec![None, None, None, Some([-0.05, 0.1])];
         let mut search = Search {
             flown: Flown { model: &model, splines: &splines, layout: &layout },
             markers: &markers,
             observed: &observed,
-            prior: Prior::new(&[0.1; 4], &[true, true, false, true], (1.0, 0.1)),
+            prior: Prior::new(&[0.1; 4], &[true, true, false, true], (1.0, 0.1), limits),
             noise: MarkerNoise { size: 0.1, correlated: 0.7, time: 0.1 },
             trust: vec![vec![1.0, 0.5, 1.0]; 21],
             threshold: None,
@@ -457,7 +459,7 @@ mod tests {
     fn departures_of_the_momentum_are_those_of_a_momentum_that_varies() {
         let model = tree();
         let splines = JointSplines::try_new(&model, &model.neutral(), (0.0, 0.2), 4).unwrap();
-        let layout = Layout::new(&model, &splines, false, false).with_departures();
+        let layout = Layout::new(&model, &splines, false, false).with_departures(0);
         let flown = Flown { model: &model, splines: &splines, layout: &layout };
         let mut room = Room::new(&model, &splines);
         let estimate = Estimate {
