@@ -127,12 +127,13 @@ def test_frames_before_take_off_are_found() -> None:
 
 
 def test_markers_elsewhere_on_their_bodies_are_named_with_their_places() -> None:
-    elsewhere = motion.MarkerSet(DIVER.model, dict.fromkeys(("shank",), ("shank", (0.05, 0.0, 0.0))))
-    moved = motion.place_markers(elsewhere, true().t, true().q).points[:, 0]
+    # a marker of the knee that is 60 mm down the shank
+    def knee(z: float) -> Any:
+        own = motion.MarkerSet(DIVER.model, {"shank": ("shank", (0.0, 0.0, z))})
+        return motion.place_markers(own, true().t, true().q).points[:, 0]
+
     points = seen().points.copy()
-    points[:, MARKERS.names.index("shank")] += moved - motion.place_markers(
-        motion.MarkerSet(DIVER.model, {"shank": ("shank", (0.0, 0.0, 0.0))}), true().t, true().q
-    ).points[:, 0]
+    points[:, MARKERS.names.index("shank")] += knee(-0.06) - knee(0.0)
     wrong = motion.MarkerRecording(seen().names, seen().times, points, seen().present)
     found = motion.reconstruct_flight(MARKERS, wrong, scale=1.0, noise=0.02)
     assert found.status == "misfit" and found.departures["places"] > found.departure_limits["places"]

@@ -87,14 +87,20 @@ pub(super) fn put_right(
     MarkerRecording::try_new(recording.names().to_vec(), recording.times().to_vec(), points)
 }
 
-/// Swaps pair by pair, from one gap of more than `gap` s without them to the next.
+/// What was exchanged pair by pair, from one gap of more than `gap` s without it to the next, where each frame's markers are `recorded` as
+/// others.
 pub(super) fn intervals(
     markers: &MarkerSet,
     times: &[f64],
-    swaps: &BTreeSet<Swap>,
+    recorded: &[Vec<usize>],
     gap: f64,
 ) -> Vec<Exchange> {
-    let mut all: Vec<Swap> = swaps.iter().copied().collect();
+    let pairs_of = |(i, recorded): (usize, &Vec<usize>)| -> Vec<Swap> {
+        let moved = recorded.iter().enumerate().filter(|(own, other)| own != *other);
+        moved.map(|(own, other)| (i, own.min(*other), own.max(*other))).collect()
+    };
+    let swaps: BTreeSet<Swap> = recorded.iter().enumerate().flat_map(pairs_of).collect();
+    let mut all: Vec<Swap> = swaps.into_iter().collect();
     all.sort_by_key(|(i, a, b)| (*a, *b, *i));
     let mut found: Vec<Exchange> = Vec::new();
     for (i, a, b) in all {

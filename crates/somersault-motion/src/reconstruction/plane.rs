@@ -64,7 +64,7 @@ pub(super) fn depth_departure(layout: &Layout, observed: &Observed, at: &Lineari
         sweep(&mut gram, 0, sizes[0]);
         let without = gram[(MEASURED, MEASURED)];
         let pivots: Vec<f64> = (1..=MOTIONS).filter_map(|k| sweep(&mut gram, k, sizes[k])).collect();
-        let rest = gram[(MEASURED, MEASURED)] / over as f64;
+        let rest = (gram[(MEASURED, MEASURED)] / over as f64).max(LEAST * LEAST);
         let evidence = over as f64 * rest.ln() + log + pivots.iter().map(|x| x.ln()).sum::<f64>();
         let factors = gram.view((1, MEASURED), (MOTIONS, 1)).into_owned();
         let n_motions = pivots.len();

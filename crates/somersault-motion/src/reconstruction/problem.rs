@@ -2,7 +2,7 @@
 
 use super::attitude::{Flown, Room};
 use super::check::full_dynamics_defect;
-use super::exchange::{Swap, exchanged, intervals, put_right};
+use super::exchange::{exchanged, intervals, put_right};
 use super::flight::{
     AGREEMENT, BeyondLimit, FOLLOWED, FlightFrame, LISTED, Quantity, ReconstructedFlight,
     ReconstructionStatus,
@@ -27,7 +27,6 @@ use somersault_core::argument::expect_range;
 use somersault_core::cancel::CancellationToken;
 use somersault_multibody::Model;
 use somersault_multibody::flight::{Flight, TakeOff};
-use std::collections::BTreeSet;
 use std::ops::Range;
 
 /// A model with markers, whose flight is to be found.
@@ -164,7 +163,8 @@ impl FlightReconstruction {
         if times.len() > limit {
             return Err(ReconstructionError::TooManyFrames { found: times.len(), limit });
         }
-        let mut swaps = BTreeSet::<Swap>::new();
+        // which marker each was recorded as, in each frame
+        let mut recorded: Vec<Vec<usize>> = vec![(0..self.markers.markers().len()).collect(); times.len()];
         let mut round = 0;
         loop {
             let (mut flight, noise) = self.flight_of(&fits, &recording, n_intervals as usize, token)?;
@@ -174,16 +174,11 @@ impl FlightReconstruction {
                 if !found.is_empty() && flight.status == ReconstructionStatus::Converged {
                     flight.status = ReconstructionStatus::Misfit;
                 }
-                flight.exchanges = intervals(&self.markers, &times, &swaps, GAP);
+                flight.exchanges = intervals(&self.markers, &times, &recorded, GAP);
                 return Ok(flight);
             }
             recording = put_right(&self.markers, &recording, &found)?;
-            for swap in found {
-                // twice is not at all
-                if !swaps.remove(&swap) {
-                    swaps.insert(swap);
-                }
-            }
+            found.iter().for_each(|(i, a, b)| recorded[*i].swap(*a, *b));
             fits = FrameFits::try_new(&self.model, &self.markers, &self.options, &recording, token)?;
             round += 1;
         }

@@ -684,7 +684,7 @@ fn random_exchanges_are_found_or_refused() {
 }
 
 #[test]
-#[ignore = "long form of `a_planar_body_that_leaves_its_plane_is_refused` and its neighbours, 150 flights, 90 s: `make studies` runs it"]
+#[ignore = "long form of `a_planar_body_that_leaves_its_plane_is_refused` and its neighbours, 132 flights, 200 s: `make studies` runs it"]
 fn honest_recordings_are_not_refused_and_others_are_as_often_as_documented() {
     let options = ReconstructionOptions::default;
     let none = |_: f64| Vector3::zeros();

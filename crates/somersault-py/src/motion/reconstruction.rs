@@ -361,7 +361,7 @@ impl ReconstructedFlight {
     fn beyond_limits<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let found = PyDict::new(py);
         for BeyondLimit { body, by, deviation, time } in &self.flight.beyond_limits {
-            found.set_item(body, (by, deviation, time))?;
+            found.set_item(body, (*by, *deviation, *time))?;
         }
         Ok(found)
     }
@@ -518,7 +518,7 @@ type Markers =
 fn by_departure<'py>(py: Python<'py>, numbers: &[f64]) -> PyResult<Bound<'py, PyDict>> {
     let found = PyDict::new(py);
     for ((_, name), number) in Departure::ALL.iter().zip(numbers) {
-        found.set_item(name, number)?;
+        found.set_item(*name, *number)?;
     }
     Ok(found)
 }
