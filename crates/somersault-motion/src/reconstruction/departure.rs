@@ -12,9 +12,7 @@
 //! d(t) = −∫ (t − u) |v(u)| v(u) du,   v(t) = v₀ + g t
 //! ```
 
-use super::attitude::Flown;
 use super::joints::JointSplines;
-use super::unknowns::Estimate;
 use nalgebra::Vector3;
 use somersault_core::quadrature::GAUSS_5;
 use std::ops::Range;
@@ -55,14 +53,11 @@ pub(super) fn push_time(splines: &JointSplines, number: usize) -> f64 {
     splines.duration() * PUSH * (number + 1) as f64
 }
 
-impl Flown<'_> {
-    /// Where the air moves the centre of mass, `t` after the reference, for a drag of 1/m.
-    pub(super) fn air(&self, estimate: &Estimate, t: f64) -> Vector3<f64> {
-        let gravity = self.model.gravity() * estimate.gravity;
-        let of_node = |(node, weight): &(f64, f64)| {
-            let velocity = estimate.velocity + gravity * (t * node);
-            velocity * (-velocity.norm() * weight * (1.0 - node) * t * t)
-        };
-        GAUSS_5.iter().map(of_node).sum()
-    }
+/// Where the air moves a centre of mass with this velocity at the reference, `t` after it, for a drag of 1/m.
+pub(super) fn air(velocity: &Vector3<f64>, gravity: &Vector3<f64>, t: f64) -> Vector3<f64> {
+    let of_node = |(node, weight): &(f64, f64)| {
+        let velocity = velocity + gravity * (t * node);
+        velocity * (-velocity.norm() * weight * (1.0 - node) * t * t)
+    };
+    GAUSS_5.iter().map(of_node).sum()
 }

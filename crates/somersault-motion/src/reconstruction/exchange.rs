@@ -17,7 +17,7 @@ use std::collections::BTreeSet;
 const CHANCE: f64 = 6.0;
 
 /// A frame, and two markers of the set in their order.
-pub(super) type Swap = (usize, usize, usize);
+type Swap = (usize, usize, usize);
 
 /// The markers that a flight predicts at each other's places in `recording`, whose frames are its own; a marker once in a frame. `noise` is
 /// that of fits of single frames: exchanged markers enlarge the flight's.

@@ -306,7 +306,8 @@ impl Flown<'_> {
             out[center.start + axis] += factor;
         }
         if let Some(k) = layout.air() {
-            out[k] += along.dot(&self.air(estimate, t));
+            let gravity = self.model.gravity() * estimate.gravity;
+            out[k] += along.dot(&departure::air(&estimate.velocity, &gravity, t));
         }
         let place = layout.places().skip(3 * marker).take(3);
         for (k, column) in place.zip(placed.axes[marker].column_iter()) {
