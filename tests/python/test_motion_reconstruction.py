@@ -111,7 +111,7 @@ def test_what_is_no_flight_is_not_called_a_success() -> None:
     still = motion.place_markers(MARKERS, true().t, np.tile(OPEN, (len(true().t), 1)))
     points = still.points + np.random.default_rng(1).normal(0.0, 0.01, still.points.shape)
     found = motion.reconstruct_flight(MARKERS, motion.MarkerRecording(still.names, still.times, points))
-    assert not found.success and found.status == "misfit" and "must be from" in found.message
+    assert not found.success and found.status == "misfit" and "but must be" in found.message
 
 
 def test_frames_before_take_off_are_found() -> None:
