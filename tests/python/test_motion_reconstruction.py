@@ -128,8 +128,8 @@ def test_frames_before_take_off_are_found() -> None:
 
 def test_markers_elsewhere_on_their_bodies_are_named_with_their_places() -> None:
     # a marker of the knee that is 60 mm down the shank
-    def knee(z: float) -> Any:
-        own = motion.MarkerSet(DIVER.model, {"shank": ("shank", (0.0, 0.0, z))})
+    def knee(y: float) -> Any:
+        own = motion.MarkerSet(DIVER.model, {"shank": ("shank", (0.0, y, 0.0))})
         return motion.place_markers(own, true().t, true().q).points[:, 0]
 
     points = seen().points.copy()
@@ -145,10 +145,11 @@ def test_markers_elsewhere_on_their_bodies_are_named_with_their_places() -> None
 def test_a_planar_body_that_leaves_its_plane_is_refused_with_a_reason() -> None:
     # a tilt that grows to 17°
     points = seen().points.copy()
-    centre = points.mean(axis=1, keepdims=True)
+    centre = np.nanmean(points, axis=1, keepdims=True)
     tilt = 0.3 * np.sin(2.0 * seen().times)[:, None]
     points[..., 1] += tilt * (points - centre)[..., 2]
-    found = motion.reconstruct_flight(MARKERS, motion.MarkerRecording(seen().names, seen().times, points))
+    tilted = motion.MarkerRecording(seen().names, seen().times, points, seen().present)
+    found = motion.reconstruct_flight(MARKERS, tilted)
     assert found.status == "misfit" and found.departures["plane"] > found.departure_limits["plane"]
     report = motion.identify_flight(found, facing="water")
     assert "a body that moves in space is needed" in report.message

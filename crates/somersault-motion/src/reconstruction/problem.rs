@@ -165,17 +165,26 @@ impl FlightReconstruction {
         }
         // which marker each was recorded as, in each frame
         let mut recorded: Vec<Vec<usize>> = vec![(0..self.markers.markers().len()).collect(); times.len()];
+        let mut first: Option<ReconstructedFlight> = None;
         let mut round = 0;
         loop {
             let (mut flight, noise) = self.flight_of(&fits, &recording, n_intervals as usize, token)?;
             flight.phase.clone_from(&phase);
             let found = exchanged(&self.model, &self.markers, &flight, &recording, noise)?;
-            if found.is_empty() || round == MAX_REPAIRS {
-                if !found.is_empty() && flight.status == ReconstructionStatus::Converged {
-                    flight.status = ReconstructionStatus::Misfit;
-                }
+            if round == 0 && found.is_empty() {
+                return Ok(flight);
+            }
+            if found.is_empty() && flight.success() {
                 flight.exchanges = intervals(&self.markers, &times, &recorded, GAP);
                 return Ok(flight);
+            }
+            let first = first.get_or_insert(flight);
+            // what was exchanged on the way to no success is not known
+            if found.is_empty() || round == MAX_REPAIRS {
+                if first.status == ReconstructionStatus::Converged {
+                    first.status = ReconstructionStatus::Misfit;
+                }
+                return Ok(first.clone());
             }
             recording = put_right(&self.markers, &recording, &found)?;
             found.iter().for_each(|(i, a, b)| recorded[*i].swap(*a, *b));
