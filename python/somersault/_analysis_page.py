@@ -45,6 +45,17 @@ figure { margin: 0; } figcaption, small { opacity: .8; font-size: .85rem; } .key
 }
 @media (prefers-color-scheme: dark) { body { background: #111; color: #ddd; } }
 """
+#: Where a recording may depart from the laws of flight, and from the body.
+_DEPARTURES = {
+    "whole": "from the laws of flight over the whole flight",
+    "start": "from the laws of flight at the start",
+    "end": "from the laws of flight at the end",
+    "size": "from the size",
+    "air": "by a drag",
+    "push": "by a push",
+    "places": "from the places of the markers",
+    "plane": "from the plane of the body",
+}
 #: Rows of the report: title, attribute, factor, unit and digits.
 _VALUES = (
     ("Somersaults", "somersaults", 1.0, "", 2),
@@ -181,9 +192,10 @@ def _checks(found: FlightAnalysis) -> str:
             f"{100 * flight.noise[1]:.0f} % correlated",
         ),
     ]
-    when = ("over the whole flight", "at the start", "at the end")
-    for place, depart, limit in zip(when, flight.departures, flight.departure_limits, strict=False):
-        rows.append((f"Departure from the laws of flight {place}", f"{depart:.1f}", f"at most {limit:.1f}"))
+    limits = flight.departure_limits
+    for kind, departure in flight.departures.items():
+        if not np.isnan(departure):
+            rows.append((f"Departure {_DEPARTURES[kind]}", f"{departure:.1f}", f"at most {limits[kind]:.1f}"))
     if flight.unseen:
         rows.append(("Joints that no marker sees", ", ".join(flight.unseen), ""))
     return f"<h2>Checks</h2>{_table(('', 'found', 'must be'), rows)}"

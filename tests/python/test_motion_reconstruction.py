@@ -56,8 +56,10 @@ def test_the_flight_is_that_which_was_seen() -> None:
     lower, upper = found.chi_squared_range
     assert found.chi_squared is not None and lower < found.chi_squared < upper
     assert abs(found.noise[0] - 0.02) < 0.004 and found.full_dynamics_defect < 1e-3
-    assert all(d <= limit for d, limit in zip(found.departures[:3], found.departure_limits[:3], strict=True))
-    assert np.isnan(found.departures[3])
+    kinds = ["whole", "start", "end", "size", "air", "push", "places", "plane"]
+    assert list(found.departures) == list(found.departure_limits) == kinds
+    assert not any(found.departures[kind] > found.departure_limits[kind] for kind in kinds)
+    assert np.isnan(found.departures["size"]) and not np.isnan(found.departures["plane"])
 
 
 def test_the_laws_of_flight_hold_exactly() -> None:
@@ -109,7 +111,7 @@ def test_what_is_no_flight_is_not_called_a_success() -> None:
     still = motion.place_markers(MARKERS, true().t, np.tile(OPEN, (len(true().t), 1)))
     points = still.points + np.random.default_rng(1).normal(0.0, 0.01, still.points.shape)
     found = motion.reconstruct_flight(MARKERS, motion.MarkerRecording(still.names, still.times, points))
-    assert not found.success and found.status == "misfit" and "must be from" in found.message
+    assert not found.success and found.status == "misfit" and "but must be" in found.message
 
 
 def test_frames_before_take_off_are_found() -> None:
@@ -119,14 +121,59 @@ def test_frames_before_take_off_are_found() -> None:
     points[..., 2] -= 10.0 * before[:, None] ** 2
     pushed = motion.MarkerRecording(seen().names, seen().times, points, seen().present)
     found = motion.reconstruct_flight(MARKERS, pushed, noise=0.02, scale=1.0)
-    assert found.status == "misfit" and found.departures[1] > found.departure_limits[1]
+    assert found.status == "misfit" and found.departures["start"] > found.departure_limits["start"]
     assert "at the start" in found.message and "its first frames are no flight" in found.message
     assert motion.reconstruct_flight(MARKERS, pushed, noise=0.02, scale=1.0, interval=(0.06, 0.8)).success
 
 
+def test_markers_elsewhere_on_their_bodies_are_named_with_their_places() -> None:
+    # a marker of the knee that is 60 mm down the shank
+    def knee(y: float) -> Any:
+        own = motion.MarkerSet(DIVER.model, {"shank": ("shank", (0.0, y, 0.0))})
+        return motion.place_markers(own, true().t, true().q).points[:, 0]
+
+    points = seen().points.copy()
+    points[:, MARKERS.names.index("shank")] += knee(-0.06) - knee(0.0)
+    wrong = motion.MarkerRecording(seen().names, seen().times, points, seen().present)
+    found = motion.reconstruct_flight(MARKERS, wrong, scale=1.0, noise=0.02)
+    assert found.status == "misfit" and found.departures["places"] > found.departure_limits["places"]
+    assert "elsewhere on their bodies" in found.message
+    assert set(found.marker_offsets) == set(found.marker_offset_deviations) == set(MARKERS.names)
+    assert all(deviation.shape == (3,) for deviation in found.marker_offset_deviations.values())
+
+
+def test_a_planar_body_that_leaves_its_plane_is_refused_with_a_reason() -> None:
+    # a tilt that grows to 17°
+    points = seen().points.copy()
+    centre = np.nanmean(points, axis=1, keepdims=True)
+    tilt = 0.3 * np.sin(2.0 * seen().times)[:, None]
+    points[..., 1] += tilt * (points - centre)[..., 2]
+    tilted = motion.MarkerRecording(seen().names, seen().times, points, seen().present)
+    found = motion.reconstruct_flight(MARKERS, tilted)
+    assert found.status == "misfit" and found.departures["plane"] > found.departure_limits["plane"]
+    report = motion.identify_flight(found, facing="water")
+    assert "a body that moves in space is needed" in report.message
+    assert report.status in {"not_reconstructed", "other_gravity"} and report.number is None
+
+
+def test_exchanged_markers_are_put_right() -> None:
+    a, b = (MARKERS.names.index(name) for name in ("shank", "hand"))
+    points = seen().points.copy()
+    points[12:20, [a, b]] = points[12:20, [b, a]]
+    present = seen().present.copy()
+    present[12:20, [a, b]] = present[12:20, [b, a]]
+    wrong = motion.MarkerRecording(seen().names, seen().times, points, present)
+    found = motion.reconstruct_flight(MARKERS, wrong)
+    assert found.success and flight().exchanges == ()
+    ((*names, start, end, n_frames),) = found.exchanges
+    assert set(names) == {"shank", "hand"} and n_frames >= 6
+    assert seen().times[12] <= start < end <= seen().times[19]
+    assert "were exchanged" in found.message and "put right" in found.message
+
+
 def test_a_wrong_size_is_found() -> None:
     found = motion.reconstruct_flight(MARKERS, seen(), scale=1.06)
-    assert found.status == "misfit" and found.departures[3] > found.departure_limits[3]
+    assert found.status == "misfit" and found.departures["size"] > found.departure_limits["size"]
     assert "larger or smaller than `scale`" in found.message
 
 

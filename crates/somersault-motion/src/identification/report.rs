@@ -41,6 +41,8 @@ pub struct FlightReport {
     pub status: IdentificationStatus,
     /// How the reconstruction ended, and whether it is a success.
     pub reconstruction: (ReconstructionStatus, bool),
+    /// What its checks found.
+    pub reason: String,
     /// The dive number, where one has at least 90 %.
     pub number: Option<String>,
     /// Dive numbers with their probabilities, the most probable first, down to 1 %: of a flight that was reconstructed.
@@ -172,6 +174,7 @@ pub fn identify_flight(
     Ok(FlightReport {
         status,
         reconstruction: (flight.status, is_success),
+        reason: flight.message(),
         number,
         alternatives,
         group,
@@ -337,8 +340,9 @@ impl FlightReport {
             IdentificationStatus::OtherGravity => gravity_message(&self.gravity, self.given_gravity),
             IdentificationStatus::NotReconstructed => {
                 let (status, _) = self.reconstruction;
-                let name = ReconstructionStatus::ALL.iter().find(|(known, _)| *known == status);
-                format!("the flight was not reconstructed ({})", name.map_or("", |(_, name)| name))
+                let named = ReconstructionStatus::ALL.iter().find(|(known, _)| *known == status);
+                let name = named.map_or("", |(_, name)| name);
+                format!("the flight was not reconstructed ({name}): {}", self.reason)
             }
         }
     }

@@ -17,8 +17,9 @@ pub enum ReconstructionStatus {
     /// The Hessian of data and prior has no inverse, or joints that no marker sees carry more than a tenth of the mass: markers determine
     /// too little.
     Undetermined,
-    /// Residuals are not those that the noise, or the fits of single frames, allow, or departures from the laws of flight fit clearly
-    /// better: the laws do not hold for the recording with this model, rate, unit and interval.
+    /// Residuals are not those that the noise, or the fits of single frames, allow, departures from the laws of flight or from the body fit
+    /// clearly better, joints are far beyond their limits, or markers that are exchanged cannot be put right: the laws do not hold for the
+    /// recording with this model, rate, unit and interval.
     Misfit,
     /// The full equations of motion lead elsewhere.
     NotConfirmed,
@@ -35,6 +36,70 @@ impl ReconstructionStatus {
         (Self::NotConfirmed, "not_confirmed"),
     ];
 }
+
+/// In what a recording may depart from the laws of flight, and from the body.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Departure {
+    /// Momentum and centre of mass vary over the whole flight, by polynomials of time of degrees 3 and 4.
+    Whole,
+    /// They do in its first 0.08 s.
+    Start,
+    /// And in its last 0.08 s.
+    End,
+    /// A size that was given is another.
+    Size,
+    /// The air slows the body.
+    Air,
+    /// Something pushes it for a tenth of its duration: the best of eight such tenths.
+    Push,
+    /// Markers are elsewhere on their bodies than the model has them, by more than 2 mm.
+    Places,
+    /// A planar body leaves its plane, by more than a tilt of 3°.
+    Plane,
+}
+
+impl Departure {
+    /// All there are, in the order of [`ReconstructedFlight::departures`], and their names.
+    pub const ALL: [(Self, &'static str); 8] = [
+        (Self::Whole, "whole"),
+        (Self::Start, "start"),
+        (Self::End, "end"),
+        (Self::Size, "size"),
+        (Self::Air, "air"),
+        (Self::Push, "push"),
+        (Self::Places, "places"),
+        (Self::Plane, "plane"),
+    ];
+}
+
+/// Two markers that were exchanged in some frames, and were put right.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Exchange {
+    /// Their names.
+    pub markers: [String; 2],
+    /// The first of these frames, s.
+    pub start: f64,
+    /// The last, s.
+    pub end: f64,
+    /// How many they are.
+    pub n_frames: usize,
+}
+
+/// A joint that is beyond a limit that the model states.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct BeyondLimit {
+    /// The body that it carries.
+    pub body: String,
+    /// How far it is beyond, at most, rad or m.
+    pub by: f64,
+    /// Its standard deviation there.
+    pub deviation: f64,
+    /// When, s.
+    pub time: f64,
+}
+
+/// What splines with knots of 0.07 s leave of the motion of human joints, m; places of markers may be as far off.
+pub(super) const FOLLOWED: f64 = 0.002;
 
 /// Three numbers with their standard deviations.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -116,21 +181,42 @@ pub struct ReconstructedFlight {
     pub chi_squared: Option<f64>,
     /// Where it must lie.
     pub chi_squared_range: [f64; 2],
-    /// χ² per degree of freedom of departures from the laws of flight over the whole flight, in its first 0.08 s and in its last: about 1
-    /// where these hold, more where an angular momentum that varies, or a centre of mass that leaves its parabola, fits better: over the whole
-    /// by polynomials of time of degrees 3 and 4. The last number is that of the size, where it was given. NaN where the markers do not
-    /// determine them, and for a size that was sought.
-    pub departures: [f64; 4],
+    /// χ² per degree of freedom of each [`Departure`]: about 1 where the laws of flight hold and the body is that of the model, more where
+    /// something else fits better. NaN where the markers do not determine it, of a size that was sought, of the air without gravity, and of the
+    /// plane where the body is not planar or nothing was measured across it.
+    pub departures: [f64; 8],
     /// What each must not exceed.
-    pub departure_limits: [f64; 4],
+    pub departure_limits: [f64; 8],
+    /// When the push begins that fits best, s; it counts where that departure is beyond its limit.
+    pub push_time: f64,
+    /// For each marker how far it is from where the model has it, one step of the search from the minimum, at scale 1 in axes of its body, m,
+    /// normal with a standard deviation of 30 mm before the recording is looked at. None where the Hessian has no inverse.
+    pub marker_offsets: Vec<(String, Quantity)>,
     /// Largest angle to the orientations that the full equations of motion lead to, rad.
     pub full_dynamics_defect: f64,
     /// Numbers in v of the joints that no marker sees. They are taken to be near the posture of the start,
     /// ± 0.5 rad, which the deviations of all else contain; what they carry must not weigh a tenth of the body.
     pub unseen: Vec<usize>,
+    /// Markers that were exchanged and put right before the last search.
+    pub exchanges: Vec<Exchange>,
+    /// Joints that are beyond their limits, which bound the search softly, by more than 0.02 rad or m.
+    pub beyond_limits: Vec<BeyondLimit>,
     /// Iterations made.
     pub iterations: usize,
 }
+
+impl BeyondLimit {
+    /// Whether no limit of a living joint, nor the noise, is so vague.
+    pub(super) fn is_far(&self) -> bool {
+        self.by > FAR && self.by > FAR_DEVIATIONS * self.deviation
+    }
+}
+
+/// Distance from a limit, rad or m, and in standard deviations, at which the body is another.
+const FAR: f64 = 0.3;
+const FAR_DEVIATIONS: f64 = 4.0;
+/// Distance from a limit, rad or m, from which on it is listed.
+pub(super) const LISTED: f64 = 0.02;
 
 /// Angle to the full equations of motion that counts as agreement, rad.
 pub(super) const AGREEMENT: f64 = 1e-3;
@@ -140,6 +226,106 @@ impl ReconstructedFlight {
     /// within their limits, and the full equations of motion confirm the flight.
     pub fn success(&self) -> bool {
         self.status == ReconstructionStatus::Converged && self.chi_squared.is_some()
+    }
+
+    /// How it ended and what the checks found, with what may be done.
+    pub fn message(&self) -> String {
+        let exchanges = self.exchanges.iter().map(|Exchange { markers: [a, b], start, end, n_frames }| {
+            format!("; `{a}` and `{b}` were exchanged in {n_frames} frames from {start:.2} to {end:.2} s and put right")
+        });
+        let limits = self.beyond_limits.iter().map(|BeyondLimit { body, by, deviation, time }| {
+            format!("; the joint of `{body}` is {by:.2} ± {deviation:.2} beyond its limit at {time:.2} s")
+        });
+        let notes: String = exchanges.chain(limits).collect();
+        self.outcome() + &notes
+    }
+
+    /// How it ended and what the checks found.
+    fn outcome(&self) -> String {
+        let [lower, upper] = self.chi_squared_range;
+        match (self.status, self.chi_squared) {
+            (ReconstructionStatus::Converged, Some(x)) => {
+                format!(
+                    "converged; χ² per degree of freedom is {x:.2}, and the full equations of motion agree"
+                )
+            }
+            (ReconstructionStatus::Converged, None) => {
+                "converged, but the markers are too few to say whether the laws of flight hold".to_owned()
+            }
+            (ReconstructionStatus::IterationLimit, _) => "the iterations were not enough".to_owned(),
+            (ReconstructionStatus::NoProgress, _) => "no step makes the residuals smaller".to_owned(),
+            (ReconstructionStatus::Undetermined, _) => "the markers do not determine the flight".to_owned(),
+            (ReconstructionStatus::Misfit, found) => {
+                let beyond = found.filter(|x| !(lower..=upper).contains(x)).map(|x| {
+                    format!(
+                        "χ² per degree of freedom is {x:.2}, but must be from {lower:.2} to {upper:.2}: the interval is not all flight, the rate or the unit is wrong, markers are exchanged, or the body is another"
+                    )
+                });
+                let departing =
+                    Departure::ALL.iter().map(|(kind, _)| *kind).filter(|kind| self.departs(*kind));
+                let mut reasons: Vec<String> =
+                    beyond.into_iter().chain(departing.map(|kind| self.reason(kind))).collect();
+                if reasons.is_empty() {
+                    reasons.push("joints are far beyond their limits, or markers are exchanged and could not be put right: the body or the names of the markers are others".to_owned());
+                }
+                reasons.join("; ")
+            }
+            (ReconstructionStatus::NotConfirmed, _) => format!(
+                "the full equations of motion lead to orientations that are up to {:.1e} rad away",
+                self.full_dynamics_defect
+            ),
+        }
+    }
+
+    /// Whether a departure is beyond its limit.
+    pub fn departs(&self, kind: Departure) -> bool {
+        self.departures[kind as usize] > self.departure_limits[kind as usize]
+    }
+
+    /// What a departure says, and what may be done.
+    fn reason(&self, kind: Departure) -> String {
+        let (found, limit) = (self.departures[kind as usize], self.departure_limits[kind as usize]);
+        let (what, why) = match kind {
+            Departure::Whole => (
+                "from the laws of flight over the whole flight",
+                "the rate or the unit is wrong, something pushes the body, or its mass is distributed otherwise"
+                    .to_owned(),
+            ),
+            Departure::Start => {
+                ("from the laws of flight at the start", "its first frames are no flight".to_owned())
+            }
+            Departure::End => {
+                ("from the laws of flight at the end", "its last frames are no flight".to_owned())
+            }
+            Departure::Size => {
+                ("from the size", "the body is larger or smaller than `scale` says".to_owned())
+            }
+            Departure::Air => {
+                ("by a drag", "the air slows the body, or the rate or the unit is wrong".to_owned())
+            }
+            Departure::Push => {
+                ("by a push", format!("something pushes the body from about {:.2} s on", self.push_time))
+            }
+            Departure::Places => {
+                let size = |offset: &Quantity| offset.value.norm();
+                let farthest = self.marker_offsets.iter().max_by(|a, b| size(&a.1).total_cmp(&size(&b.1)));
+                let farthest = farthest.map_or_else(String::new, |(name, offset)| {
+                    let [x, y, z] = <[f64; 3]>::from(offset.value).map(|x| 1e3 * x);
+                    format!(", `{name}` by ({x:.0}, {y:.0}, {z:.0}) mm in axes of its body")
+                });
+                (
+                    "from the places of the markers",
+                    format!("they are elsewhere on their bodies than the model has them{farthest}"),
+                )
+            }
+            Departure::Plane => (
+                "from the plane of the body",
+                "markers leave it together, and a body that moves in space is needed".to_owned(),
+            ),
+        };
+        format!(
+            "χ² per degree of freedom of departures {what} is {found:.1}, but must be at most {limit:.1}: {why}"
+        )
     }
 
     /// Somersaults from the first to the last frame.

@@ -79,6 +79,19 @@ impl JointSplines {
         Ok(Self { basis, start, duration, root, n_channels: model.n_velocities() - root.1, scalars, balls })
     }
 
+    /// The limits that `model` states, of each channel.
+    pub(super) fn limits(&self, model: &Model) -> Vec<Option<[f64; 2]>> {
+        let mut limits = vec![None; self.n_channels];
+        for i in 1..model.n_bodies() {
+            if let Some(channel) = model.velocities_of(i).start.checked_sub(self.root.1) {
+                if model.velocities_of(i).len() == 1 {
+                    limits[channel] = model.limits(i);
+                }
+            }
+        }
+        limits
+    }
+
     pub(super) fn n_channels(&self) -> usize {
         self.n_channels
     }
@@ -91,6 +104,11 @@ impl JointSplines {
     /// Time between knots, s.
     pub(super) fn spacing(&self) -> f64 {
         self.duration / self.basis.n_intervals() as f64
+    }
+
+    /// Time from the first knot to the last, s.
+    pub(super) fn duration(&self) -> f64 {
+        self.duration
     }
 
     /// Time since the start and until the end, s.

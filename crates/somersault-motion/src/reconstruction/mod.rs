@@ -21,11 +21,15 @@
 //! posture that the markers of one frame have ([`MarkerFit`](crate::fit::MarkerFit)). The covariance of all that is reported is that of the inverse of the Hessian of
 //! data and prior.
 //!
+//! Joints are softly bound by the limits that the model states ([`ReconstructedFlight::beyond_limits`]). Where the flight predicts two markers
+//! at each other's places, they are exchanged and the search is repeated ([`ReconstructedFlight::exchanges`]).
+//!
 //! **What is checked** by something that did not make it: the full equations of motion of the tree, joints prescribed, fly from
 //! the first frame to the last and must meet every orientation; residuals must be those that fits of single frames leave,
 //! which know no law of flight (χ² per degree of freedom); no angular momentum that varies, and no centre of mass that leaves its
-//! parabola, may fit clearly better ([`ReconstructedFlight::departures`], the score test of C. R. Rao); the covariance must be finite.
-//! Small errors of the masses, and the drag of the air, are *not* seen: intervals hold for the given body in a vacuum.
+//! parabola, no drag, no push and no other places of the markers may fit clearly better ([`Departure`], the score test of C. R. Rao); markers of a
+//! planar body must stay in planes; the covariance must be finite. Small errors of the masses, and a drag that noise hides, are *not* seen:
+//! intervals hold for the given body in a vacuum.
 //!
 //! Cost: some 60 times O(m f (n d)²/2) for m markers in f frames, n knots and d degrees of freedom.
 //!
@@ -36,10 +40,12 @@
 mod attitude;
 mod check;
 mod departure;
+mod exchange;
 mod flight;
 mod joints;
 mod normal;
 mod options;
+mod plane;
 mod prior;
 mod problem;
 mod report;
@@ -49,7 +55,9 @@ mod start;
 mod unknowns;
 
 pub use crate::noise::MarkerNoise;
-pub use flight::{FlightFrame, Quantity, ReconstructedFlight, ReconstructionStatus};
+pub use flight::{
+    BeyondLimit, Departure, Exchange, FlightFrame, Quantity, ReconstructedFlight, ReconstructionStatus,
+};
 pub use options::{BodyScale, ReconstructionOptions};
 pub use problem::FlightReconstruction;
 pub(crate) use report::{counting_of, travelling};

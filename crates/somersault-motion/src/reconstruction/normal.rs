@@ -34,6 +34,8 @@ pub(super) struct Placed {
     pub(super) center: Vector3<f64>,
     /// The markers from the centre of mass, world axes, at scale 1.
     pub(super) arms: Vec<Vector3<f64>>,
+    /// The axes of each marker's body in the world; none if derivatives were not requested.
+    axes: Vec<Matrix3<f64>>,
     /// Derivatives of the arms by the channels, marker by marker; empty if they were not requested.
     by_channel: Vec<Vector3<f64>>,
 }
@@ -125,10 +127,12 @@ impl Flown<'_> {
         let root = positions.pose(0)?.translation;
         let center = positions.center_of_mass() - root;
         let mut arms = Vec::with_capacity(markers.markers().len());
-        let mut by_channel = Vec::new();
+        let (mut axes, mut by_channel) = (Vec::new(), Vec::new());
         for marker in markers.markers() {
-            arms.push(positions.pose(marker.body)?.point(&marker.point) - root - center);
+            let pose = positions.pose(marker.body)?;
+            arms.push(pose.point(&marker.point) - root - center);
             if with_derivatives {
+                axes.push(pose.rotation);
                 let frame = Transform::translation(marker.point);
                 positions.jacobian_into(marker.body, &frame, Axes::World, of_marker)?;
                 let first = by_channel.len();
@@ -136,7 +140,7 @@ impl Flown<'_> {
                 self.splines.by_displacements(&room.channels, &mut by_channel[first..]);
             }
         }
-        Ok(Placed { turn: turn_of(self.model, &attitude.orientation), center, arms, by_channel })
+        Ok(Placed { turn: turn_of(self.model, &attitude.orientation), center, arms, axes, by_channel })
     }
 
     /// The centre of mass at `t`, where `reference` is the time that the unknowns belong to.
@@ -300,6 +304,14 @@ impl Flown<'_> {
         for (number, _, center) in layout.departing() {
             let [_, factor] = departure::function(self.splines, number, time);
             out[center.start + axis] += factor;
+        }
+        if let Some(k) = layout.air() {
+            let gravity = self.model.gravity() * estimate.gravity;
+            out[k] += along.dot(&departure::air(&estimate.velocity, &gravity, t));
+        }
+        let place = layout.places().skip(3 * marker).take(3);
+        for (k, column) in place.zip(placed.axes[marker].column_iter()) {
+            out[k] += along.dot(&column) * estimate.scale;
         }
         let acting = self.splines.acting(time, 0);
         let of_marker = &placed.by_channel[marker * n..(marker + 1) * n];

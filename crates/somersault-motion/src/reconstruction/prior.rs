@@ -2,7 +2,8 @@
 //!
 //! Second derivatives of the joints at the knots are normal with standard deviations a_c, one for each channel, that are estimated
 //! with the fit; the ends of the splines are normal about the posture at the start, so widely that only joints feel it that no
-//! marker sees, which also move little; the scale is normal where it is sought, and so is g.
+//! marker sees, which also move little; the scale is normal where it is sought, and so is g. Hinges and slides are beyond their limits at the
+//! knots by normal numbers: those of living joints are not sharp, and markers that are sure of more are followed.
 
 use super::joints::JointSplines;
 use super::unknowns::{Estimate, Layout};
@@ -22,6 +23,8 @@ pub(super) struct Prior {
     /// Mean and standard deviation.
     scale: (f64, f64),
     gravity: (f64, f64),
+    /// Limits of each channel.
+    limits: Vec<Option<[f64; 2]>>,
 }
 
 /// Standard deviation of second derivatives to begin with, 1/s², and bounds of those that are estimated.
@@ -31,11 +34,18 @@ const ACCELERATIONS: [f64; 2] = [2.0, 1000.0];
 const UNSEEN_ACCELERATION: f64 = 3.0;
 /// Of the ends of joints that markers see, and that none sees, rad or m.
 const ENDS: [f64; 2] = [10.0, 0.5];
+/// Of channels beyond their limits, rad or m.
+const LIMIT: f64 = 0.1;
 /// Of g, in fractions.
 const GRAVITY: f64 = 1.0;
 
 impl Prior {
-    pub(super) fn new(posture: &[f64], seen: &[bool], scale: (f64, f64)) -> Self {
+    pub(super) fn new(
+        posture: &[f64],
+        seen: &[bool],
+        scale: (f64, f64),
+        limits: Vec<Option<[f64; 2]>>,
+    ) -> Self {
         let of =
             |values: [f64; 2]| seen.iter().map(|seen| if *seen { values[0] } else { values[1] }).collect();
         Self {
@@ -45,6 +55,7 @@ impl Prior {
             posture: posture.to_vec(),
             scale,
             gravity: (1.0, GRAVITY),
+            limits,
         }
     }
 
@@ -68,6 +79,16 @@ impl Prior {
                 let by =
                     [(at(first, c), factor), (at(first + 1, c), -2.0 * factor), (at(first + 2, c), factor)];
                 rows.push((residual, by));
+                if let Some([lower, upper]) = self.limits[c] {
+                    let at_knot = (value(0) + 4.0 * value(1) + value(2)) / 6.0;
+                    let beyond = at_knot - at_knot.max(lower).min(upper);
+                    if beyond != 0.0 {
+                        let by = [1.0, 4.0, 1.0].map(|x| x / (6.0 * LIMIT));
+                        let by =
+                            [(at(first, c), by[0]), (at(first + 1, c), by[1]), (at(first + 2, c), by[2])];
+                        rows.push((beyond / LIMIT, by));
+                    }
+                }
             }
         }
         for knot in [knots.start, knots.end - 1] {

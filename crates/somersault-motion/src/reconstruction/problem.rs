@@ -2,9 +2,14 @@
 
 use super::attitude::{Flown, Room};
 use super::check::full_dynamics_defect;
-use super::flight::{AGREEMENT, Quantity, ReconstructedFlight, ReconstructionStatus};
+use super::exchange::{exchanged, intervals, put_right};
+use super::flight::{
+    AGREEMENT, BeyondLimit, FOLLOWED, FlightFrame, LISTED, Quantity, ReconstructedFlight,
+    ReconstructionStatus,
+};
 use super::joints::JointSplines;
 use super::normal::{Kinematics, Linearized, Observed};
+use super::plane::depth_departure;
 use super::prior::Prior;
 use super::report::Report;
 use super::score::Tested;
@@ -77,8 +82,9 @@ const NOISE: f64 = 0.03;
 const MISFIT: f64 = 5.0;
 /// What χ² may differ from 1 by, whatever the noise is: angles at limits, robust losses.
 const TOLERANCE: f64 = 0.1;
-/// What splines with knots of 0.07 s leave of the motion of human joints, m.
-const FOLLOWED: f64 = 0.002;
+/// Rounds in which exchanged markers are put right, and the time between frames of two exchanges, s.
+const MAX_REPAIRS: usize = 6;
+const GAP: f64 = 0.1;
 /// Rotation of a ball joint from its reference up to which its channels are sound, rad.
 const LARGEST_TURN: f64 = 5.5;
 /// Mass that joints may carry which no marker sees, in fractions of the whole.
@@ -143,7 +149,7 @@ impl FlightReconstruction {
         let phase =
             if self.options.interval.is_none() { self.phase(&fits, recording.times())? } else { None };
         let frames = self.frames_of(phase.as_ref(), recording.times());
-        let (recording, fits) = (recording.part(frames.clone())?, fits.part(frames));
+        let (mut recording, mut fits) = (recording.part(frames.clone())?, fits.part(frames));
         let times = recording.times().to_vec();
         let duration = times[times.len() - 1] - times[0];
         expect_range("duration of the flight", duration, "at most 100 s", |x| x <= LONGEST)?;
@@ -157,14 +163,53 @@ impl FlightReconstruction {
         if times.len() > limit {
             return Err(ReconstructionError::TooManyFrames { found: times.len(), limit });
         }
-        let fit = MarkerFit::try_new(&self.model, self.markers.clone(), crate::fit::FitOptions::default())?;
-        let points = fit.targets(&recording)?;
-        let mut best: Option<ReconstructedFlight> = None;
-        for fraction in REFERENCES {
-            let reference = fits.reference(&times, fraction);
-            let observed = Observed { times: times.clone(), reference, points: points.clone() };
-            let mut flight = self.beginning_at(&fits, &observed, n_intervals as usize, token)?;
+        // which marker each was recorded as, in each frame
+        let mut recorded: Vec<Vec<usize>> = vec![(0..self.markers.markers().len()).collect(); times.len()];
+        let mut first: Option<ReconstructedFlight> = None;
+        let mut round = 0;
+        loop {
+            let (mut flight, noise) = self.flight_of(&fits, &recording, n_intervals as usize, token)?;
             flight.phase.clone_from(&phase);
+            let found = exchanged(&self.model, &self.markers, &flight, &recording, noise)?;
+            if round == 0 && found.is_empty() {
+                return Ok(flight);
+            }
+            if found.is_empty() && flight.success() {
+                flight.exchanges = intervals(&self.markers, &times, &recorded, GAP);
+                return Ok(flight);
+            }
+            let first = first.get_or_insert(flight);
+            // what was exchanged on the way to no success is not known
+            if found.is_empty() || round == MAX_REPAIRS {
+                if first.status == ReconstructionStatus::Converged {
+                    first.status = ReconstructionStatus::Misfit;
+                }
+                return Ok(first.clone());
+            }
+            recording = put_right(&self.markers, &recording, &found)?;
+            found.iter().for_each(|(i, a, b)| recorded[*i].swap(*a, *b));
+            fits = FrameFits::try_new(&self.model, &self.markers, &self.options, &recording, token)?;
+            round += 1;
+        }
+    }
+
+    /// The flight of frames that belong to it, from another reference where the search fails from the middle; and the noise that fits of single
+    /// frames leave.
+    fn flight_of(
+        &self,
+        fits: &FrameFits,
+        recording: &MarkerRecording,
+        n_intervals: usize,
+        token: &CancellationToken,
+    ) -> Result<(ReconstructedFlight, Option<f64>), ReconstructionError> {
+        let times = recording.times();
+        let fit = MarkerFit::try_new(&self.model, self.markers.clone(), crate::fit::FitOptions::default())?;
+        let points = fit.targets(recording)?;
+        let mut best: Option<(ReconstructedFlight, Option<f64>)> = None;
+        for fraction in REFERENCES {
+            let reference = fits.reference(times, fraction);
+            let observed = Observed { times: times.to_vec(), reference, points: points.clone() };
+            let (flight, noise) = self.beginning_at(fits, &observed, n_intervals, token)?;
             let is_minimum = !matches!(
                 flight.status,
                 ReconstructionStatus::IterationLimit | ReconstructionStatus::NoProgress
@@ -173,11 +218,11 @@ impl FlightReconstruction {
             let fits = flight.chi_squared.is_some_and(|x| (lower..=upper).contains(&x));
             // where residuals are those of the noise, no other start is a remedy
             if flight.status == ReconstructionStatus::Converged || is_minimum && fits {
-                return Ok(flight);
+                return Ok((flight, noise));
             }
             let misfit = |flight: &ReconstructedFlight| flight.chi_squared.unwrap_or(flight.noise.size);
-            if best.as_ref().is_none_or(|best| misfit(&flight) < misfit(best)) {
-                best = Some(flight);
+            if best.as_ref().is_none_or(|(best, _)| misfit(&flight) < misfit(best)) {
+                best = Some((flight, noise));
             }
         }
         best.ok_or(ReconstructionError::TooFewFrames { least: LEAST_FRAMES, found: 0 })
@@ -232,14 +277,14 @@ impl FlightReconstruction {
         Ok(recording.part(range)?)
     }
 
-    /// The flight that is found from one reference.
+    /// The flight that is found from one reference, and the noise that fits of single frames leave.
     fn beginning_at(
         &self,
         fits: &FrameFits,
         observed: &Observed,
         n_intervals: usize,
         token: &CancellationToken,
-    ) -> Result<ReconstructedFlight, ReconstructionError> {
+    ) -> Result<(ReconstructedFlight, Option<f64>), ReconstructionError> {
         let Self { model, markers, options } = self;
         let times = &observed.times;
         let span = (times[0], times[times.len() - 1] - times[0]);
@@ -253,7 +298,8 @@ impl FlightReconstruction {
         let frame_noise = fits.noise(model, markers, &layout, observed)?;
         let seen = fits.seen(splines.n_channels());
         let estimate = fits.estimate(model, &splines, layout.is_planar, times, observed.reference)?;
-        let prior = Prior::new(&estimate.coefficients[..splines.n_channels()], &seen, scale);
+        let limits = splines.limits(model);
+        let prior = Prior::new(&estimate.coefficients[..splines.n_channels()], &seen, scale, limits);
         let size = options.noise.map(|noise| noise.size).or(frame_noise.map(|noise| noise.size));
         let noise = options.noise.unwrap_or(MarkerNoise::white(size.unwrap_or(NOISE)));
         let mut search = Search {
@@ -275,7 +321,8 @@ impl FlightReconstruction {
         let status = search.settle(options.noise.is_some(), options.max_iterations)?;
         let noise = search.noise;
         let posterior = search.posterior(&noise)?;
-        self.judge(search, status, posterior, frame_noise)
+        let flight = self.judge(search, status, posterior, frame_noise)?;
+        Ok((flight, frame_noise.map(|noise| noise.size)))
     }
 
     /// The flight at the minimum, and what is wrong with it.
@@ -321,9 +368,24 @@ impl FlightReconstruction {
             && tested.is_some()
             && splines.largest_turn(&estimate.coefficients) <= LARGEST_TURN
             && self.carried(&unseen) <= UNSEEN * self.model.mass();
-        let Tested { departures, gravity: seen_gravity } =
-            tested.unwrap_or(Tested { departures: [[f64::NAN; 2]; 4], gravity: [f64::NAN; 2] });
-        let departs = departures.iter().any(|[found, limit]| found > limit);
+        let Tested { departures, push_time, offsets, gravity: seen_gravity } = tested.unwrap_or(Tested {
+            departures: [[f64::NAN; 2]; 7],
+            push_time: f64::NAN,
+            offsets: Vec::new(),
+            gravity: [f64::NAN; 2],
+        });
+        let of_plane = if layout.is_planar {
+            depth_departure(layout, search.observed, &at, estimate.scale)
+        } else {
+            [f64::NAN; 2]
+        };
+        let departures: [[f64; 2]; 8] =
+            std::array::from_fn(|k| departures.get(k).copied().unwrap_or(of_plane));
+        let names = self.markers.markers().iter().map(|marker| marker.name.clone());
+        let marker_offsets = names.zip(offsets).collect();
+        let beyond_limits = self.beyond_limits(&flown_frames);
+        let departs = beyond_limits.iter().any(BeyondLimit::is_far)
+            || departures.iter().any(|[found, limit]| found > limit);
         let within = chi_squared.is_none_or(|x| (chi_squared_range[0]..=chi_squared_range[1]).contains(&x));
         if status == ReconstructionStatus::Converged {
             if !is_determined {
@@ -353,12 +415,35 @@ impl FlightReconstruction {
             chi_squared_range,
             departures: departures.map(|[found, _]| found),
             departure_limits: departures.map(|[_, limit]| limit),
+            push_time,
+            marker_offsets,
             full_dynamics_defect,
             unseen,
+            exchanges: Vec::new(),
+            beyond_limits,
             iterations,
         };
         report.summarize(&search, &estimate, &covariance, &at, &mut flight);
         Ok(flight)
+    }
+
+    /// Where each joint is farthest beyond its limits, if it is.
+    fn beyond_limits(&self, frames: &[FlightFrame]) -> Vec<BeyondLimit> {
+        let model = &self.model;
+        let n_linear = model.joint(0).map_or(0, |joint| joint.kind().n_linear);
+        let of_body = |i: usize| {
+            let [lower, upper] = model.limits(i)?;
+            let (at, rate) = (model.positions_of(i).start, model.velocities_of(i).start);
+            let beyond = |frame: &FlightFrame| BeyondLimit {
+                body: model.name(i).unwrap_or_default().to_owned(),
+                by: (frame.q[at] - upper).max(lower - frame.q[at]),
+                deviation: frame.deviations[rate - n_linear],
+                time: frame.time,
+            };
+            let farthest = frames.iter().map(beyond).max_by(|a, b| a.by.total_cmp(&b.by));
+            farthest.filter(|beyond| beyond.by > LISTED)
+        };
+        (1..model.n_bodies()).filter_map(of_body).collect()
     }
 
     /// The mass further out than any of these degrees of freedom, kg.

@@ -368,7 +368,7 @@ pub(super) fn damped_step(matrix: &Mat<f64>, gradient: &[f64], damping: f64) -> 
 
 #[cfg(test)]
 mod tests {
-    use super::super::departure::function;
+    use super::super::departure::{air, function};
     use super::super::joints::JointSplines;
     use super::super::unknowns::Layout;
     use super::*;
@@ -419,11 +419,13 @@ mod tests {
             coefficients: (0..7 * 4).map(|_| random(0.6)).collect(),
         };
         let token = CancellationToken::new();
+        // the leg is beyond them at some knots
+        let limits = vec![None, None, None, Some([-0.05, 0.1])];
         let mut search = Search {
             flown: Flown { model: &model, splines: &splines, layout: &layout },
             markers: &markers,
             observed: &observed,
-            prior: Prior::new(&[0.1; 4], &[true, true, false, true], (1.0, 0.1)),
+            prior: Prior::new(&[0.1; 4], &[true, true, false, true], (1.0, 0.1), limits),
             noise: MarkerNoise { size: 0.1, correlated: 0.7, time: 0.1 },
             trust: vec![vec![1.0, 0.5, 1.0]; 21],
             threshold: None,
@@ -454,10 +456,74 @@ mod tests {
     }
 
     #[test]
+    fn derivatives_by_places_and_by_the_air_are_differences() {
+        let model = tree();
+        let places = [("torso", [0.1, 0.0, 0.2]), ("arm", [0.0, 0.05, -0.4]), ("leg", [0.05, 0.0, -0.6])];
+        let markers = MarkerSet::on_bodies(&model, places.map(|(body, place)| (body, body, place))).unwrap();
+        let splines = JointSplines::try_new(&model, &model.neutral(), (0.0, 0.2), 4).unwrap();
+        let layout = Layout::new(&model, &splines, true, true).with_departures(3);
+        let flown = Flown { model: &model, splines: &splines, layout: &layout };
+        let estimate = Estimate {
+            orientation: UnitQuaternion::from_euler_angles(0.3, -0.5, 0.9),
+            momentum: Vector3::new(3.0, 25.0, -2.0),
+            center: Vector3::new(0.1, 0.2, 0.3),
+            velocity: Vector3::new(1.0, 0.0, 2.0),
+            scale: 1.1,
+            gravity: 0.9,
+            coefficients: (0..7 * 4).map(|k| 0.5 * f64::from(k).sin()).collect(),
+        };
+        let times: Vec<f64> = (0..11).map(|i| 0.02 * f64::from(i)).collect();
+        let points = times.iter().map(|t| vec![Some(Vector3::new(*t, 0.3, 0.1)); 3]).collect();
+        let observed = Observed { times, reference: 4, points };
+        let noise = MarkerNoise { size: 0.1, correlated: 0.7, time: 0.1 };
+        let (frames, knots) = (0..11, 0..splines.n_knots());
+        let (mut room, mut kinematics) = (Room::new(&model, &splines), Kinematics::new(&model));
+        let mut normal = |markers: &MarkerSet, observed: &Observed| {
+            let trust = vec![vec![1.0; 3]; 11];
+            let knots = Some(&knots);
+            let at =
+                flown.fly(markers, observed, &estimate, &frames, knots, &mut room, &mut kinematics).unwrap();
+            flown.normal(markers, observed, &estimate, &frames, knots, &at, &trust, &noise)
+        };
+        let gradient = normal(&markers, &observed).gradient;
+        let h = 1e-5;
+        for (number, k) in layout.places().enumerate() {
+            let mut squares = |h: f64| {
+                let mut moved = markers.markers().to_vec();
+                moved[number / 3].point[number % 3] += h;
+                normal(&MarkerSet::try_new(&model, moved).unwrap(), &observed).squares
+            };
+            let difference = (squares(h) - squares(-h)) / (4.0 * h);
+            let apart = (gradient[k] - difference).abs();
+            assert!(apart < 1e-5 * (gradient[k].abs() + 1.0), "{number}: {} {difference}", gradient[k]);
+        }
+        // a drag moves the flight as if what was measured were moved back
+        let gravity = model.gravity() * 0.9;
+        let mut squares = |h: f64| {
+            let mut moved = observed.clone();
+            for (t, frame) in observed.times.iter().zip(&mut moved.points) {
+                let by = air(&estimate.velocity, &gravity, t - observed.times[4]) * h;
+                frame.iter_mut().for_each(|point| *point = point.map(|point| point - by));
+            }
+            normal(&markers, &moved).squares
+        };
+        let k = layout.air().unwrap();
+        let difference = (squares(1e-3) - squares(-1e-3)) / 4e-3;
+        assert!((gradient[k] - difference).abs() < 1e-6 * gradient[k].abs(), "{} {difference}", gradient[k]);
+        // whose acceleration is that of the drag
+        let (t, h) = (0.1, 1e-3);
+        let at = |t: f64| air(&estimate.velocity, &gravity, t);
+        let acceleration = (at(t + h) - at(t) * 2.0 + at(t - h)) / (h * h);
+        let velocity = estimate.velocity + model.gravity() * (0.9 * t);
+        let drag = -velocity * velocity.norm();
+        assert!((acceleration - drag).norm() < 1e-4 * drag.norm(), "{acceleration} {drag}");
+    }
+
+    #[test]
     fn departures_of_the_momentum_are_those_of_a_momentum_that_varies() {
         let model = tree();
         let splines = JointSplines::try_new(&model, &model.neutral(), (0.0, 0.2), 4).unwrap();
-        let layout = Layout::new(&model, &splines, false, false).with_departures();
+        let layout = Layout::new(&model, &splines, false, false).with_departures(0);
         let flown = Flown { model: &model, splines: &splines, layout: &layout };
         let mut room = Room::new(&model, &splines);
         let estimate = Estimate {

@@ -25,7 +25,8 @@ pub(super) struct Estimate {
 }
 
 /// The places of the unknowns: displacement of the orientation in axes of the root, momentum, centre of mass and
-/// velocity along `axes`, scale, gravity, departures from the laws of flight, coefficients of the joints.
+/// velocity along `axes`, scale, gravity, departures from the laws of flight, drag of the air, places of markers on their bodies,
+/// coefficients of the joints.
 #[derive(Debug, Clone)]
 pub(super) struct Layout {
     pub(super) is_planar: bool,
@@ -37,6 +38,8 @@ pub(super) struct Layout {
     pub(super) has_gravity: bool,
     /// Functions of time by which momentum and centre of mass depart from the laws of flight: none in a search.
     n_departures: usize,
+    /// Markers whose places are unknown, with the drag of the air: none in a search.
+    n_markers: usize,
     pub(super) n_channels: usize,
 }
 
@@ -53,12 +56,13 @@ impl Layout {
             (unit.clone(), unit)
         };
         let n_channels = splines.n_channels();
-        Self { is_planar, axes, turns, has_scale, has_gravity, n_departures: 0, n_channels }
+        Self { is_planar, axes, turns, has_scale, has_gravity, n_departures: 0, n_markers: 0, n_channels }
     }
 
-    /// The same with departures by all functions of time, with a scale and with gravity.
-    pub(super) fn with_departures(&self) -> Self {
-        Self { has_scale: true, has_gravity: true, n_departures: N_FUNCTIONS, ..self.clone() }
+    /// The same with departures by all functions of time, with a scale and gravity, with the drag of the air and the places of
+    /// `n_markers` markers.
+    pub(super) fn with_departures(&self, n_markers: usize) -> Self {
+        Self { has_scale: true, has_gravity: true, n_departures: N_FUNCTIONS, n_markers, ..self.clone() }
     }
 
     /// Coordinates of a point that count.
@@ -104,6 +108,17 @@ impl Layout {
         first..first + self.n_departures * (self.turns.len() + self.axes.len())
     }
 
+    /// The place of the drag of the air, where markers are displaced too.
+    pub(super) fn air(&self) -> Option<usize> {
+        (self.n_markers > 0).then(|| self.departures().end)
+    }
+
+    /// The places of the displacements of all markers, three for each, along the axes of their bodies.
+    pub(super) fn places(&self) -> Range<usize> {
+        let first = self.departures().end + usize::from(self.n_markers > 0);
+        first..first + 3 * self.n_markers
+    }
+
     /// For each function of time its number, and the places of the departures of momentum and centre of mass by it.
     pub(super) fn departing(&self) -> impl Iterator<Item = (usize, Range<usize>, Range<usize>)> + '_ {
         let (first, n, d) = (self.departures().start, self.turns.len(), self.axes.len());
@@ -115,7 +130,7 @@ impl Layout {
 
     /// Where the coefficients begin.
     pub(super) fn coefficients(&self) -> usize {
-        self.departures().end
+        self.places().end
     }
 
     /// Number of unknowns with `n_knots` coefficients of each channel.

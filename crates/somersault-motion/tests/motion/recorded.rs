@@ -3,7 +3,9 @@
 use nalgebra::DMatrix;
 use somersault_motion::analysis::{WeightBounds, eigenpostures, project};
 use somersault_motion::fit::{FitOptions, MarkerFit, MarkerSet, MotionFit, Scale, Shape};
-use somersault_motion::readers::{joint_motion, load, text};
+use somersault_motion::identification::identify_flight;
+use somersault_motion::readers::{ReadOptions, joint_motion, load, read_file, text};
+use somersault_motion::reconstruction::{FlightReconstruction, ReconstructionOptions};
 use somersault_motion::recording::{MarkerRecording, SkeletonRecording};
 use somersault_multibody::Model;
 use somersault_multibody::joint_motion::EigenpostureBase;
@@ -40,6 +42,41 @@ fn recorded_motions_are_of_human_size() {
         let (lowest, highest) = height.fold((f64::MAX, f64::MIN), |(a, b), z| (a.min(z), b.max(z)));
         println!("{name}: {:.3} s, from {lowest:.2} to {highest:.2} m", recording.times().last().unwrap());
         assert!(lowest > -0.3 && highest < 3.0, "{name}: from {lowest} to {highest} m");
+    }
+}
+
+#[test]
+fn a_dive_that_leaves_the_plane_is_refused_for_a_planar_body() {
+    let Some(folder) = std::env::var_os("SOMERSAULT_MOTIONS") else {
+        println!("SOMERSAULT_MOTIONS names no folder: the recorded flight is absent and not tested");
+        return;
+    };
+    let path = std::path::Path::new(&folder).join("../flights/e2.trc");
+    let seen = read_file(path, &ReadOptions::default()).unwrap().recording.into_markers().unwrap();
+    let model = Diver::planar().model().unwrap();
+    let on = [
+        ("hip", "thigh"),
+        ("knee", "shank"),
+        ("ank", "foot"),
+        ("ball", "toes"),
+        ("sho", "upper_arm"),
+        ("elb", "forearm"),
+        ("wri", "hand"),
+    ];
+    for sides in [&["_r", "_l"][..], &["_r"], &["_l"]] {
+        let sided = sides.iter().flat_map(|side| on.map(|(joint, body)| (format!("{joint}{side}"), body)));
+        let places = sided.chain([("neck".to_owned(), "head")]).map(|(name, body)| (name, body, [0.0; 3]));
+        let set = MarkerSet::on_bodies(&model, places).unwrap();
+        for interval in [None, Some((0.3934, 1.7434))] {
+            let options = ReconstructionOptions { interval, ..ReconstructionOptions::default() };
+            let flight = FlightReconstruction::try_new(&model, set.clone(), options)
+                .unwrap()
+                .reconstruct(&seen)
+                .unwrap();
+            assert!(!flight.success(), "{sides:?} {interval:?}: {:?}", flight.departures);
+            let report = identify_flight(&model, &flight, None).unwrap();
+            assert!(report.number.is_none() && report.reason == flight.message());
+        }
     }
 }
 

@@ -14,8 +14,8 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::motion::nalgebra::{Matrix3, Vector3};
 use somersault::motion::reconstruction::{
-    BodyScale, FlightFrame, FlightReconstruction, MarkerNoise, Quantity, ReconstructedFlight as Flight,
-    ReconstructionOptions, ReconstructionStatus,
+    BeyondLimit, BodyScale, Departure, Exchange, FlightFrame, FlightReconstruction, MarkerNoise, Quantity,
+    ReconstructedFlight as Flight, ReconstructionOptions, ReconstructionStatus,
 };
 
 /// Finds the flight behind a recording, by the laws of flight.
@@ -180,6 +180,18 @@ impl ReconstructedFlight {
         numbers_array(py, &self.flight.frames.iter().map(of).collect::<Vec<_>>())
     }
 
+    fn by_marker<'py>(
+        &self,
+        py: Python<'py>,
+        of: impl Fn(&Quantity) -> &Vector3<f64>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let found = PyDict::new(py);
+        for (name, offset) in &self.flight.marker_offsets {
+            found.set_item(name, vector_array(py, of(offset)))?;
+        }
+        Ok(found)
+    }
+
     fn width(&self, of: impl Fn(&FlightFrame) -> usize) -> usize {
         self.flight.frames.first().map_or(0, of)
     }
@@ -272,13 +284,8 @@ value! {
         chi_squared: Option<f64> = |own| own.flight.chi_squared;
         /// tuple of float: Where it must lie.
         chi_squared_range: (f64, f64) = |own| own.flight.chi_squared_range.into();
-        /// tuple of float: χ² per degree of freedom of departures from the laws of flight over the whole flight, in its first 0.08 s and in its
-        /// last: about 1 where these hold, more where an angular momentum that varies, or a centre of mass that leaves its parabola, fits better:
-        /// over the whole by polynomials of time of degrees 3 and 4. The last number is that of the size, where it was given. NaN where the
-        /// markers do not determine them, and for a size that was sought.
-        departures: (f64, f64, f64, f64) = |own| own.flight.departures.into();
-        /// tuple of float: What each must not exceed.
-        departure_limits: (f64, f64, f64, f64) = |own| own.flight.departure_limits.into();
+        /// float: When the push begins that fits best, s; it counts where that departure is beyond its limit.
+        push_time: f64 = |own| own.flight.push_time;
         /// float: Largest angle to the orientations that the full equations of motion lead to from the first frame on, joints prescribed, rad.
         full_dynamics_defect: f64 = |own| own.flight.full_dynamics_defect;
         /// int: Iterations made.
@@ -305,6 +312,60 @@ impl ReconstructedFlight {
         PyTuple::new(py, bodies.collect::<Vec<_>>())
     }
 
+    /// dict of str to float: χ² per degree of freedom of departures: about 1 where the laws of flight hold and the body is that of the model,
+    /// more where something else fits better. ``'whole'``: momentum and centre of mass vary over the whole flight, by polynomials of time
+    /// of degrees 3 and 4; ``'start'``, ``'end'``: they do in its first and in its last 0.08 s; ``'size'``: a size that was given is another;
+    /// ``'air'``: the air slows the body; ``'push'``: something pushes it for a tenth of its duration; ``'places'``: markers are elsewhere
+    /// on their bodies, by more than 2 mm; ``'plane'``: a planar body leaves its plane, by more than 3°. NaN where the markers do not
+    /// determine one, of a size that was sought, and of the plane where the body is not planar or nothing was measured across it.
+    #[getter]
+    fn departures<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        by_departure(py, &self.flight.departures)
+    }
+
+    /// dict of str to float: What each must not exceed: passed by chance once in 4000 cases.
+    #[getter]
+    fn departure_limits<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        by_departure(py, &self.flight.departure_limits)
+    }
+
+    /// dict of str to ndarray, shape (3,): For each marker how far it is from where the model has it, at scale 1 in axes of its body, m: one step of the
+    /// search from the minimum, where offsets are normal with a standard deviation of 30 mm before the recording is looked at. Added to
+    /// the places of a `MarkerSet` they put them right. Empty where the markers determine too little.
+    #[getter]
+    fn marker_offsets<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        self.by_marker(py, |offset| &offset.value)
+    }
+
+    /// dict of str to ndarray, shape (3,): Their deviations.
+    #[getter]
+    fn marker_offset_deviations<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        self.by_marker(py, |offset| &offset.deviation)
+    }
+
+    /// tuple of tuple: Markers that were exchanged, as left and right are, and were put right before the last search: for each two names, the
+    /// first and the last time, s, and the number of frames. Found where the flight predicts each at the place of the other, beyond six
+    /// standard deviations of the noise.
+    #[getter]
+    fn exchanges<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        let of = |Exchange { markers: [a, b], start, end, n_frames }: &Exchange| {
+            (a.clone(), b.clone(), *start, *end, *n_frames)
+        };
+        PyTuple::new(py, self.flight.exchanges.iter().map(of).collect::<Vec<_>>())
+    }
+
+    /// dict of str to tuple of float: For each joint that is beyond a limit that the model states by more than 0.02 rad or m, by the body that it
+    /// carries: how far at most, its deviation, and when, s. Limits bound the search softly, by 0.1 rad or m; 0.3 beyond them, and four
+    /// deviations, is a misfit.
+    #[getter]
+    fn beyond_limits<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let found = PyDict::new(py);
+        for BeyondLimit { body, by, deviation, time } in &self.flight.beyond_limits {
+            found.set_item(body, (*by, *deviation, *time))?;
+        }
+        Ok(found)
+    }
+
     /// ndarray, shape (n_frames, n_markers): Distances of the markers to the recorded ones, m, in the plane of a planar model; NaN where one is missing.
     #[getter]
     fn residuals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
@@ -326,36 +387,7 @@ impl ReconstructedFlight {
     #[getter]
     fn message(&self, py: Python<'_>) -> PyResult<String> {
         let flight = &self.flight;
-        let [lower, upper] = flight.chi_squared_range;
-        let mut text = match (flight.status, flight.chi_squared) {
-            (ReconstructionStatus::Converged, Some(x)) => {
-                format!(
-                    "converged; χ² per degree of freedom is {x:.2}, and the full equations of motion agree"
-                )
-            }
-            (ReconstructionStatus::Converged, None) => {
-                "converged, but the markers are too few to say whether the laws of flight hold".to_owned()
-            }
-            (ReconstructionStatus::IterationLimit, _) => "the iterations were not enough".to_owned(),
-            (ReconstructionStatus::NoProgress, _) => "no step makes the residuals smaller".to_owned(),
-            (ReconstructionStatus::Undetermined, _) => "the markers do not determine the flight".to_owned(),
-            (ReconstructionStatus::Misfit, Some(x)) if !(lower..=upper).contains(&x) => format!(
-                "χ² per degree of freedom is {x:.2}, but must be from {lower:.2} to {upper:.2}: the interval is not all flight, the rate or the unit is wrong, markers are exchanged, or the body is another"
-            ),
-            (ReconstructionStatus::Misfit, _) => {
-                let all = flight.departures.iter().zip(&flight.departure_limits).zip(DEPARTURES);
-                let beyond =
-                    all.filter(|((found, limit), _)| found > limit).map(|((found, limit), (when, why))| {
-                        format!("is {found:.1} {when}, but must be at most {limit:.1}: {why}")
-                    });
-                let beyond = beyond.collect::<Vec<_>>().join("; it ");
-                format!("χ² per degree of freedom of departures from the laws of flight {beyond}")
-            }
-            (ReconstructionStatus::NotConfirmed, _) => format!(
-                "the full equations of motion lead to orientations that are up to {:.1e} rad away",
-                flight.full_dynamics_defect
-            ),
-        };
+        let mut text = flight.message();
         let unseen: Vec<String> = self.unseen(py)?.extract()?;
         if !unseen.is_empty() {
             text += &format!("; no marker sees {}", unseen.join(", "));
@@ -380,13 +412,20 @@ impl ReconstructedFlight {
         let checks = (
             flight.chi_squared,
             flight.chi_squared_range,
-            [flight.departures, flight.departure_limits],
+            ([flight.departures, flight.departure_limits], flight.push_time),
             flight.full_dynamics_defect,
             flight.unseen.clone(),
             flight.iterations,
         );
         let covariance = matrix_array(py, &flight.covariance)?;
-        let found = (slf.get().phase().map(|phase| Py::new(py, phase)).transpose()?, flight.seen_gravity);
+        let offsets = flight.marker_offsets.iter().map(|(name, offset)| (name.clone(), of(offset)));
+        let limits = flight
+            .beyond_limits
+            .iter()
+            .map(|BeyondLimit { body, by, deviation, time }| (body.clone(), [*by, *deviation, *time]));
+        let markers = (offsets.collect::<Vec<_>>(), slf.get().exchanges(py)?, limits.collect::<Vec<_>>());
+        let found =
+            (markers, slf.get().phase().map(|phase| Py::new(py, phase)).transpose()?, flight.seen_gravity);
         let arguments =
             (slf.get().markers(py), status, frames, quantities, numbers, checks, covariance, found);
         by_restore(slf, arguments)
@@ -403,12 +442,12 @@ impl ReconstructedFlight {
         numbers: Numbers,
         checks: Checks,
         covariance: &Bound<'_, PyAny>,
-        found: (Option<Py<FlightPhase>>, [f64; 2]),
+        found: (Markers, Option<Py<FlightPhase>>, [f64; 2]),
     ) -> Result<Self, Error> {
         let (scale, gravity, height, turns_deviation, (size, correlated, time)) = numbers;
         let (chi_squared, chi_squared_range, departures, full_dynamics_defect, unseen, iterations) = checks;
-        let [departures, departure_limits] = departures;
-        let (phase, seen_gravity) = found;
+        let ([departures, departure_limits], push_time) = departures;
+        let ((offsets, exchanges, limits), phase, seen_gravity) = found;
         let rows = matrix("frames", frames)?;
         let frames = rows.row_iter().map(|row| {
             let row: Vec<f64> = row.iter().copied().collect();
@@ -435,8 +474,18 @@ impl ReconstructedFlight {
             chi_squared_range,
             departures,
             departure_limits,
+            push_time,
+            marker_offsets: offsets.into_iter().map(|(name, offset)| (name, quantity(offset))).collect(),
             full_dynamics_defect,
             unseen,
+            exchanges: exchanges
+                .into_iter()
+                .map(|(a, b, start, end, n_frames)| Exchange { markers: [a, b], start, end, n_frames })
+                .collect(),
+            beyond_limits: limits
+                .into_iter()
+                .map(|(body, [by, deviation, time])| BeyondLimit { body, by, deviation, time })
+                .collect(),
             iterations,
         };
         Ok(Self { markers, flight })
@@ -458,19 +507,21 @@ impl ReconstructedFlight {
 /// Scale, gravity, height, deviations of the turns, noise.
 type Numbers = ([f64; 2], [f64; 2], f64, [f64; 2], (f64, f64, f64));
 
-/// χ², its range, departures and their limits, defect, joints that are not seen, iterations.
-type Checks = (Option<f64>, [f64; 2], [[f64; 4]; 2], f64, Vec<usize>, usize);
+/// χ², its range, departures and their limits with the time of a push, defect, joints that are not seen, iterations.
+type Checks = (Option<f64>, [f64; 2], ([[f64; 8]; 2], f64), f64, Vec<usize>, usize);
 
-/// When a flight departs from its laws, and why.
-const DEPARTURES: [(&str, &str); 4] = [
-    (
-        "over the whole flight",
-        "the rate or the unit is wrong, something pushes the body, or its mass is distributed otherwise",
-    ),
-    ("at the start", "its first frames are no flight"),
-    ("at the end", "its last frames are no flight"),
-    ("for the size", "the body is larger or smaller than `scale` says"),
-];
+/// Offsets of markers, exchanges, joints beyond their limits.
+type Markers =
+    (Vec<(String, [[f64; 3]; 2])>, Vec<(String, String, f64, f64, usize)>, Vec<(String, [f64; 3])>);
+
+/// Numbers by the names of departures.
+fn by_departure<'py>(py: Python<'py>, numbers: &[f64]) -> PyResult<Bound<'py, PyDict>> {
+    let found = PyDict::new(py);
+    for ((_, name), number) in Departure::ALL.iter().zip(numbers) {
+        found.set_item(*name, *number)?;
+    }
+    Ok(found)
+}
 
 /// Numbers of a frame beside those whose count depends on the model.
 const N_OF_FRAME: usize = 26;
