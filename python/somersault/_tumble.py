@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import stats
-from scipy.optimize import least_squares
-from scipy.spatial.transform import Rotation
 
 from somersault._somersault.exact import FreeBody
 from somersault._somersault.integrators import RigidBody, State
 from somersault.errors import InputError
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 __all__ = ["InertiaEstimate", "estimate_inertia"]
 
@@ -209,6 +209,8 @@ def estimate_inertia(
 
 def _record(t: ArrayLike, orientation: Rotation | ArrayLike) -> tuple[Array, Rotation]:
     """Times and rotations, checked."""
+    from scipy.spatial.transform import Rotation
+
     try:
         times = np.array(t, dtype=float)
     except (TypeError, ValueError):
@@ -263,6 +265,8 @@ class _Problem:
 
     def state(self, x: Array, base: Rotation) -> tuple[RigidBody, State]:
         """Body and state at the reference time."""
+        from scipy.spatial.transform import Rotation
+
         return RigidBody(1.0, _inertia_of(x[:5])), State(
             orientation=base * Rotation.from_rotvec(x[5:8]), angular_velocity_body=x[8:]
         )
@@ -421,6 +425,8 @@ def _fitted(problem: _Problem, turns: Array, noise: float | None) -> list[_Fit]:
 
 def _grown(problem: _Problem, x: Array, turns: Array, sigma: float) -> _Fit | None:
     """A fit over horizons that grow from the middle; the inertia is tied to its start until the last."""
+    from scipy.spatial.transform import Rotation
+
     n, base = len(problem.times), problem.seen[problem.middle]
     start = x[:5].copy()
     turned = np.concatenate([[0.0], np.cumsum(turns)])
@@ -454,6 +460,8 @@ def _descended(
     problem: _Problem, x: Array, base: Rotation, part: slice, ties: float, centre: Array, precise: bool
 ) -> Array | None:
     """The least squares of a part of the record, with the inertia tied to one."""
+    from scipy.optimize import least_squares
+
     try:
         found = least_squares(
             lambda y: np.concatenate([problem.residuals(y, base, part), ties * (y[:5] - centre)]),
@@ -474,6 +482,8 @@ def _descended(
 
 def _misfits(fit: _Fit, noise: float | None) -> str:
     """Why residuals are not independent noise, or nothing."""
+    from scipy import stats
+
     size = math.sqrt(fit.square / len(fit.residuals))
     if size < _ROUNDING:
         return ""
@@ -502,6 +512,8 @@ def _nothing(status: Status, reason: str, level: float) -> InertiaEstimate:
 
 def _judged(problem: _Problem, fits: list[_Fit], noise: float | None, level: float) -> InertiaEstimate:
     """What the best of the fits determines, and how well."""
+    from scipy import stats
+
     fit = fits[0]
     whole = slice(0, len(problem.times))
     first = problem.times[0]
@@ -644,6 +656,8 @@ def _in_axes(x: Array, axes: Array) -> Array:
 
 def _rival(fits: list[_Fit], axes: Array, within: Array, sigma: float) -> Array | None:
     """The ratios of the moments of another inertia that is as likely as the best."""
+    from scipy import stats
+
     allowed = _APART * np.sqrt(np.maximum(np.diag(within), 0.0)) + 1e-6
     for other in fits[1:]:
         as_likely = other.square - fits[0].square < sigma**2 * stats.chi2.isf(_SURE, 5)
@@ -660,6 +674,9 @@ def _unit(vector: Array) -> Array:
 
 def _steady(problem: _Problem, fit: _Fit, sigma: float) -> dict[str, Any]:
     """The rotation of constant angular velocity that is nearest to the attitudes."""
+    from scipy.optimize import least_squares
+    from scipy.spatial.transform import Rotation
+
     times = problem.times[:, None]
 
     def residuals(x: Array) -> Array:

@@ -125,7 +125,11 @@ def test_of_a_symmetric_body_two_axes_are_any(moments: Any, third: int, status: 
     tumble = Tumble(8, moments)
     found = tumble.estimate()
     assert found.success and found.status == status and "equal within their errors" in found.reason
-    np.testing.assert_allclose(found.ratios, tumble.ratios, atol=2e-3)
+    lower, upper = found.ratio_intervals[third]
+    if third < 2:
+        # four standard deviations, which depend on the wobble: of a needle 0.006
+        assert abs(found.ratios[third] - tumble.ratios[third]) < (upper - lower) < 0.01
+    np.testing.assert_allclose(np.delete(found.ratios, third), np.delete(tumble.ratios, third), atol=2e-3)
     assert np.flatnonzero(np.isfinite(found.axes[0])).tolist() == [third]
     assert np.isinf(found.axis_errors[third]) and np.isfinite(np.delete(found.axis_errors, third)).all()
     own = tumble.inertia @ found.axes[:, third]

@@ -12,6 +12,9 @@ const WRONG: f64 = 2e-4;
 /// Rounding of a function relative to its value: functions of many terms lose some digits.
 const ROUNDING: f64 = 1e-13;
 
+/// A function of points, whose values it writes; behind a pointer, so that differences are compiled once for a type of errors.
+pub type Function<'a, E> = dyn FnMut(&[f64], &mut [f64]) -> Result<(), E> + 'a;
+
 /// Differences of a function whose values have a relative error.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Differences {
@@ -55,7 +58,7 @@ impl Differences {
         at: &[f64],
         sizes: &[f64],
         m: usize,
-        values: &mut dyn FnMut(&[f64], &mut [f64]) -> Result<(), E>,
+        values: &mut Function<'_, E>,
         jacobian: &mut [f64],
     ) -> Result<(), E> {
         let n = at.len();
@@ -91,7 +94,7 @@ impl Differences {
         at: &[f64],
         sizes: &[f64],
         weights: &[f64],
-        values: &mut dyn FnMut(&[f64], &mut [f64]) -> Result<(), E>,
+        values: &mut Function<'_, E>,
         hessian: &mut [f64],
     ) -> Result<(), E> {
         let (n, m) = (at.len(), weights.len());
@@ -137,7 +140,7 @@ impl Differences {
         at: &[f64],
         sizes: &[f64],
         weights: &[f64],
-        jacobians: &mut dyn FnMut(&[f64], &mut [f64]) -> Result<(), E>,
+        jacobians: &mut Function<'_, E>,
         hessian: &mut [f64],
     ) -> Result<(), E> {
         let (n, m) = (at.len(), weights.len());
@@ -184,11 +187,7 @@ impl<'a> Points<'a> {
         self.count += 1;
     }
 
-    fn evaluated<E>(
-        self,
-        m: usize,
-        values: &mut dyn FnMut(&[f64], &mut [f64]) -> Result<(), E>,
-    ) -> Result<Vec<f64>, E> {
+    fn evaluated<E>(self, m: usize, values: &mut Function<'_, E>) -> Result<Vec<f64>, E> {
         let mut found = vec![0.0; self.count * m];
         values(&self.all, &mut found)?;
         Ok(found)
@@ -224,7 +223,7 @@ impl Slopes {
         sizes: &[f64],
         m: usize,
         differences: Differences,
-        values: &mut dyn FnMut(&[f64], &mut [f64]) -> Result<(), E>,
+        values: &mut Function<'_, E>,
     ) -> Result<Option<Self>, E> {
         let n = at.len();
         let part = STEP.max(differences.error.cbrt());

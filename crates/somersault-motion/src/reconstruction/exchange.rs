@@ -4,7 +4,9 @@
 //! w_a |y_a − x_a|² + w_b |y_b − x_b|² − w_a |y_b − x_a|² − w_b |y_a − x_b|²  >  (6 σ)²
 //! ```
 //! of what is measured, y, and predicted, x, with the weights w. The difference of two normal errors along the line between the markers must be
-//! six standard deviations for that by chance, whatever the distance; markers that are exchanged are found from a distance of 4.3 σ on.
+//! six standard deviations for that by chance, whatever the distance; markers that are exchanged are found from a distance of 4.3 σ on. The
+//! squares on the right must also be less than a quarter of those on the left, as a marker that is somewhere else may gain by any exchange. Where one of the two is
+//! missing, its squares are left out.
 
 use super::flight::{Exchange, FOLLOWED, ReconstructedFlight};
 use crate::fit::MarkerSet;
@@ -15,11 +17,13 @@ use std::collections::BTreeSet;
 
 /// Standard deviations that errors are not beyond by chance.
 const CHANCE: f64 = 6.0;
+/// What exchanged markers may be away from each other's predicted places, as a fraction of the squares of their distances from their own.
+const LEFT: f64 = 0.25;
 
 /// A frame, and two markers of the set in their order.
 type Swap = (usize, usize, usize);
 
-/// The markers that a flight predicts at each other's places in `recording`, whose frames are its own; a marker once in a frame. `noise` is
+/// The markers that a flight predicts at each other's places in `recording`, whose frames are its own, in order; a marker once in a frame. `noise` is
 /// that of fits of single frames: exchanged markers enlarge the flight's.
 pub(super) fn exchanged(
     model: &Model,
@@ -36,20 +40,22 @@ pub(super) fn exchanged(
     for (i, (frame, measured)) in flight.frames.iter().zip(recording.frames()).enumerate() {
         let positions = model.positions(&mut data, &frame.q)?;
         let root = positions.pose(0)?.translation;
-        let mut seen: Vec<(usize, Vector3<f64>, Vector3<f64>, f64)> = Vec::new();
+        let mut places = Vec::new();
         for (k, marker) in markers.markers().iter().enumerate() {
-            let Some(point) = numbers[k].and_then(|number| measured[number]) else { continue };
+            let Some(number) = numbers[k] else { continue };
             let arm = positions.pose(marker.body)?.point(&marker.point) - root;
-            seen.push((k, point, root + arm * flight.scale[0], marker.weight));
+            places.push((k, measured[number], root + arm * flight.scale[0], marker.weight));
         }
         let mut gains = Vec::new();
-        for (first, (a, y_a, x_a, w_a)) in seen.iter().enumerate() {
-            for (b, y_b, x_b, w_b) in &seen[first + 1..] {
-                let square = |y: &Vector3<f64>, x: &Vector3<f64>| (y - x).norm_squared();
+        for (first, (a, y_a, x_a, w_a)) in places.iter().enumerate() {
+            for (b, y_b, x_b, w_b) in &places[first + 1..] {
+                // of a marker that is missing there is nothing to compare
+                let square =
+                    |y: &Option<Vector3<f64>>, x: &Vector3<f64>| y.map_or(0.0, |y| (y - x).norm_squared());
                 let own = w_a * square(y_a, x_a) + w_b * square(y_b, x_b);
-                let gain = own - w_a * square(y_b, x_a) - w_b * square(y_a, x_b);
-                if gain > least {
-                    gains.push((gain, *a, *b));
+                let other = w_a * square(y_b, x_a) + w_b * square(y_a, x_b);
+                if own - other > least && other < LEFT * own {
+                    gains.push((own - other, *a, *b));
                 }
             }
         }
@@ -62,6 +68,7 @@ pub(super) fn exchanged(
             }
         }
     }
+    found.sort_unstable();
     Ok(found)
 }
 
@@ -87,23 +94,11 @@ pub(super) fn put_right(
     MarkerRecording::try_new(recording.names().to_vec(), recording.times().to_vec(), points)
 }
 
-/// What was exchanged pair by pair, from one gap of more than `gap` s without it to the next, where each frame's markers are `recorded` as
-/// others.
-pub(super) fn intervals(
-    markers: &MarkerSet,
-    times: &[f64],
-    recorded: &[Vec<usize>],
-    gap: f64,
-) -> Vec<Exchange> {
-    let pairs_of = |(i, recorded): (usize, &Vec<usize>)| -> Vec<Swap> {
-        let moved = recorded.iter().enumerate().filter(|(own, other)| own != *other);
-        moved.map(|(own, other)| (i, own.min(*other), own.max(*other))).collect()
-    };
-    let swaps: BTreeSet<Swap> = recorded.iter().enumerate().flat_map(pairs_of).collect();
-    let mut all: Vec<Swap> = swaps.into_iter().collect();
-    all.sort_by_key(|(i, a, b)| (*a, *b, *i));
+/// What was exchanged pair by pair, from one gap of more than `gap` s without it to the next.
+pub(super) fn intervals(markers: &MarkerSet, times: &[f64], mut swaps: Vec<Swap>, gap: f64) -> Vec<Exchange> {
+    swaps.sort_by_key(|(i, a, b)| (*a, *b, *i));
     let mut found: Vec<Exchange> = Vec::new();
-    for (i, a, b) in all {
+    for (i, a, b) in swaps {
         let names = [a, b].map(|k| markers.markers()[k].name.clone());
         let t = times[i];
         match found.last_mut().filter(|last| last.markers == names && t - last.end <= gap) {

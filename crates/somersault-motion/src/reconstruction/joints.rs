@@ -83,10 +83,11 @@ impl JointSplines {
     pub(super) fn limits(&self, model: &Model) -> Vec<Option<[f64; 2]>> {
         let mut limits = vec![None; self.n_channels];
         for i in 1..model.n_bodies() {
-            if let Some(channel) = model.velocities_of(i).start.checked_sub(self.root.1) {
-                if model.velocities_of(i).len() == 1 {
-                    limits[channel] = model.limits(i);
-                }
+            let velocities = model.velocities_of(i);
+            if velocities.len() == 1
+                && let Some(channel) = velocities.start.checked_sub(self.root.1)
+            {
+                limits[channel] = model.limits(i);
             }
         }
         limits

@@ -149,7 +149,7 @@ impl FlightReconstruction {
         let phase =
             if self.options.interval.is_none() { self.phase(&fits, recording.times())? } else { None };
         let frames = self.frames_of(phase.as_ref(), recording.times());
-        let (mut recording, mut fits) = (recording.part(frames.clone())?, fits.part(frames));
+        let (recording, mut fits) = (recording.part(frames.clone())?, fits.part(frames));
         let times = recording.times().to_vec();
         let duration = times[times.len() - 1] - times[0];
         expect_range("duration of the flight", duration, "at most 100 s", |x| x <= LONGEST)?;
@@ -163,32 +163,31 @@ impl FlightReconstruction {
         if times.len() > limit {
             return Err(ReconstructionError::TooManyFrames { found: times.len(), limit });
         }
-        // which marker each was recorded as, in each frame
-        let mut recorded: Vec<Vec<usize>> = vec![(0..self.markers.markers().len()).collect(); times.len()];
+        // Each round looks at the recording as it is: exchanges that a flight with exchanged markers suggests do not add up.
+        let mut repaired = recording.clone();
+        let mut exchanges = Vec::new();
         let mut first: Option<ReconstructedFlight> = None;
         let mut round = 0;
         loop {
-            let (mut flight, noise) = self.flight_of(&fits, &recording, n_intervals as usize, token)?;
+            let (mut flight, noise) = self.flight_of(&fits, &repaired, n_intervals as usize, token)?;
             flight.phase.clone_from(&phase);
             let found = exchanged(&self.model, &self.markers, &flight, &recording, noise)?;
-            if round == 0 && found.is_empty() {
-                return Ok(flight);
-            }
-            if found.is_empty() && flight.success() {
-                flight.exchanges = intervals(&self.markers, &times, &recorded, GAP);
+            let is_settled = found == exchanges;
+            if is_settled && (found.is_empty() || flight.success()) {
+                flight.exchanges = intervals(&self.markers, &times, found, GAP);
                 return Ok(flight);
             }
             let first = first.get_or_insert(flight);
             // what was exchanged on the way to no success is not known
-            if found.is_empty() || round == MAX_REPAIRS {
+            if is_settled || round == MAX_REPAIRS {
                 if first.status == ReconstructionStatus::Converged {
                     first.status = ReconstructionStatus::Misfit;
                 }
                 return Ok(first.clone());
             }
-            recording = put_right(&self.markers, &recording, &found)?;
-            found.iter().for_each(|(i, a, b)| recorded[*i].swap(*a, *b));
-            fits = FrameFits::try_new(&self.model, &self.markers, &self.options, &recording, token)?;
+            repaired = put_right(&self.markers, &recording, &found)?;
+            fits = FrameFits::try_new(&self.model, &self.markers, &self.options, &repaired, token)?;
+            exchanges = found;
             round += 1;
         }
     }

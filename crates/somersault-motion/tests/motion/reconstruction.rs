@@ -534,7 +534,7 @@ fn dragged(truth: &Truth, k: f64) -> impl Fn(f64) -> Vector3<f64> + use<> {
         let of_node = |i: u32| {
             let u = t * f64::from(i) / 20.0;
             let v = start - Vector3::z() * (9.81 * u);
-            let weight = if i % 20 == 0 { 1.0 } else { f64::from(2 + 2 * (i % 2)) };
+            let weight = if i.is_multiple_of(20) { 1.0 } else { f64::from(2 + 2 * (i % 2)) };
             v * (-k * v.norm() * (t - u) * weight)
         };
         (0..=20).map(of_node).sum::<Vector3<f64>>() * (t / 60.0)

@@ -292,6 +292,10 @@ impl FlightReport {
     }
 
     fn __repr__(&self) -> String {
-        format!("<FlightReport: {}, {}>", self.status(), self.report.message())
+        // the message of a flight that was not reconstructed has all its reasons
+        match self.report.status {
+            IdentificationStatus::NotReconstructed => format!("<FlightReport: {}>", self.status()),
+            _ => format!("<FlightReport: {}, {}>", self.status(), self.report.message()),
+        }
     }
 }
