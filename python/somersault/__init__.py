@@ -18,7 +18,6 @@ from somersault import (
     contact,
     errors,
     exact,
-    exam,
     expr,
     forces,
     ftla,
@@ -48,13 +47,15 @@ from somersault.errors import InputError, SomersaultError
 from somersault.storage import load, save
 
 if TYPE_CHECKING:
+    from somersault import exam as exam
     from somersault import plotting as plotting
     from somersault import viewer as viewer
 else:
     import importlib
 
-    #: Imported when they are first used: SciPy's rotations and matplotlib take longer than all the rest.
-    _LATE = ("plotting", "viewer")
+    #: Imported when they are first used: SciPy's rotations and matplotlib take longer than all the rest, and
+    #: most programs examine no engine.
+    _LATE = ("exam", "plotting", "viewer")
 
     def __getattr__(name):
         if name in _LATE:

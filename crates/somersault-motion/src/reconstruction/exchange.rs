@@ -17,20 +17,23 @@ use std::collections::BTreeSet;
 
 /// Standard deviations that errors are not beyond by chance.
 const CHANCE: f64 = 6.0;
-/// What exchanged markers may be away from each other's predicted places, as a fraction of the squares of their distances from their own.
-const LEFT: f64 = 0.25;
+/// What exchanged markers may be away from each other's predicted places at the end, as a fraction of the squares of their distances from
+/// their own. Until exchanges settle any that gains is made: a flight between the two is nearer to neither.
+pub(super) const LEFT: f64 = 0.25;
 
 /// A frame, and two markers of the set in their order.
 type Swap = (usize, usize, usize);
 
 /// The markers that a flight predicts at each other's places in `recording`, whose frames are its own, in order; a marker once in a frame. `noise` is
-/// that of fits of single frames: exchanged markers enlarge the flight's.
+/// that of fits of single frames: exchanged markers enlarge the flight's. What they are away from each other's places is less than `left` of the
+/// squares of their distances from their own.
 pub(super) fn exchanged(
     model: &Model,
     markers: &MarkerSet,
     flight: &ReconstructedFlight,
     recording: &MarkerRecording,
     noise: Option<f64>,
+    left: f64,
 ) -> Result<Vec<Swap>, DynamicsError> {
     let size = noise.map_or(flight.noise.size, |size| flight.noise.size.min(size.hypot(FOLLOWED)));
     let least = (CHANCE * size).powi(2);
@@ -54,7 +57,7 @@ pub(super) fn exchanged(
                     |y: &Option<Vector3<f64>>, x: &Vector3<f64>| y.map_or(0.0, |y| (y - x).norm_squared());
                 let own = w_a * square(y_a, x_a) + w_b * square(y_b, x_b);
                 let other = w_a * square(y_b, x_a) + w_b * square(y_a, x_b);
-                if own - other > least && other < LEFT * own {
+                if own - other > least && other < left * own {
                     gains.push((own - other, *a, *b));
                 }
             }

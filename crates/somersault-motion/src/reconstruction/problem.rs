@@ -2,7 +2,7 @@
 
 use super::attitude::{Flown, Room};
 use super::check::full_dynamics_defect;
-use super::exchange::{exchanged, intervals, put_right};
+use super::exchange::{LEFT, exchanged, intervals, put_right};
 use super::flight::{
     AGREEMENT, BeyondLimit, FOLLOWED, FlightFrame, LISTED, Quantity, ReconstructedFlight,
     ReconstructionStatus,
@@ -166,13 +166,20 @@ impl FlightReconstruction {
         // Each round looks at the recording as it is: exchanges that a flight with exchanged markers suggests do not add up.
         let mut repaired = recording.clone();
         let mut exchanges = Vec::new();
+        let mut left = f64::INFINITY;
         let mut first: Option<ReconstructedFlight> = None;
         let mut round = 0;
         loop {
             let (mut flight, noise) = self.flight_of(&fits, &repaired, n_intervals as usize, token)?;
             flight.phase.clone_from(&phase);
-            let found = exchanged(&self.model, &self.markers, &flight, &recording, noise)?;
-            let is_settled = found == exchanges;
+            let sought = |left: f64| exchanged(&self.model, &self.markers, &flight, &recording, noise, left);
+            let mut found = sought(left)?;
+            let mut is_settled = found == exchanges;
+            if is_settled && left > LEFT {
+                left = LEFT;
+                found = sought(left)?;
+                is_settled = found == exchanges;
+            }
             if is_settled && (found.is_empty() || flight.success()) {
                 flight.exchanges = intervals(&self.markers, &times, found, GAP);
                 return Ok(flight);
