@@ -18,7 +18,13 @@ hypothesis.settings.load_profile("somersault")
 
 
 #: Files whose tests take longest, so that no worker is left with them alone at the end.
-LONG = ("test_tour.py", "test_exact_reference.py", "test_viewer_browser.py", "test_book.py")
+LONG = (
+    "test_viewer_results.py",
+    "test_tour.py",
+    "test_exact_reference.py",
+    "test_viewer_browser.py",
+    "test_book.py",
+)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
