@@ -9,7 +9,7 @@
 //!    method from there. Where the shift is not zero it hides what bounds alone hold in place, such as a control that
 //!    switches between its own: before that, rows come from a model that is nearly linear.
 //! 3. Where rows hardly differ, as conditions at both ends do that an invariant of the equations of motion joins, exact steps
-//!    have huge multipliers or cannot be computed: then Newton's step is stabilised, J p − ε (y − y₀) = d with the multipliers y₀
+//!    have huge multipliers: then Newton's step is stabilised, J p − ε (y − y₀) = d with the multipliers y₀
 //!    of the last iteration (Wright 1998; Gill & Robinson 2013), and meets all rows but for what makes them contradict each other.
 //! 4. Where the linearised constraints contradict each other beyond that, or can be met only with huge multipliers, the
 //!    elastic program with weight ρ has a solution.
@@ -67,8 +67,6 @@ pub(crate) struct Subproblem {
     trial_set: Vec<Activity>,
     /// The working set of the last iteration.
     last_set: Vec<Activity>,
-    /// Whether the equations of Newton's step were left with errors.
-    is_inexact: bool,
     empty_set: Vec<Activity>,
     no_hessian: Vec<f64>,
     /// When no step is computed any more.
@@ -114,7 +112,6 @@ impl Subproblem {
             targets: vec![0.0; n + m],
             trial_set: vec![Activity::Free; n + m],
             last_set: vec![Activity::Free; n + m],
-            is_inexact: false,
             empty_set: vec![Activity::Free; n + m],
             no_hessian: vec![0.0; hessian.pattern.n_entries()],
             deadline: None,
@@ -215,14 +212,13 @@ impl Subproblem {
         self.trial_set.copy_from_slice(&self.active);
         self.p.fill(0.0);
         self.y.fill(0.0);
-        self.is_inexact = false;
         let is_tolerable = |y: &[f64]| max_norm(y) <= HUGE_MULTIPLIER * slope;
         // what is left of the violation may be that of equations which contradict each other by as little
         let is_nearly_feasible = violation <= LITTLE
             && self.active[n..].iter().all(|row| matches!(row, Activity::Equal | Activity::Free));
         let jumps = |own: &Self| max_norm(&own.y[n..]) > JUMP * max_norm(y).max(slope);
         let mut origin = self.newton(point, hessian, floor, EXCHANGES).then_some(Origin::WorkingSet);
-        if is_nearly_feasible && (self.is_inexact || origin.is_some() && jumps(self)) {
+        if is_nearly_feasible && origin.is_some() && jumps(self) {
             origin = if self.stabilised(point, hessian, y, floor, violation) {
                 Some(Origin::Convex)
             } else {
@@ -280,11 +276,9 @@ impl Subproblem {
         let mut shift = floor;
         for _ in 0..=exchanges {
             self.set_targets();
-            if !self.factor_convex(point, hessian, &mut shift, true) {
-                return false;
-            }
-            if !self.kkt.solve(&point.gradient, &self.targets, &mut self.p, &mut self.y) {
-                self.is_inexact = true;
+            if !self.factor_convex(point, hessian, &mut shift, true)
+                || !self.kkt.solve(&point.gradient, &self.targets, &mut self.p, &mut self.y)
+            {
                 return false;
             }
             if !self.exchange(point) {
