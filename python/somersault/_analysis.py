@@ -79,7 +79,7 @@ class FlightAnalysis:
     optimum : DiveSolution or None
         The optimal dive of the same kind.
     optimum_message : str
-        What it is or, where it is None, the reason.
+        Describes the optimum; if `optimum` is None, gives the reason.
     differences : dict of str to ndarray
         For each joint the recorded angle less that of the optimum at the times of the flight, aligned at
         its first frame, rad.

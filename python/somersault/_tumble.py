@@ -90,7 +90,7 @@ class InertiaEstimate:
     level : float
         Level of the intervals.
     motion : FreeBody or None
-        The fitted motion, of a body whose greatest moment is 1 kg m²; None where there is none.
+        The fitted motion, of a body whose greatest moment is 1 kg m²; None if the fit failed.
     """
 
     status: Status

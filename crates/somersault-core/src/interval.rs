@@ -2,7 +2,7 @@
 
 /// Where `x` is between `start` and a greater `end`, as a fraction of their distance; outside it is below 0 or above 1.
 ///
-/// It is a number also where the distance of two numbers is none, as that of −1.5·10³⁰⁸ and 1.5·10³⁰⁸.
+/// The result is finite also where `end - start` overflows, as it does for −1.5·10³⁰⁸ and 1.5·10³⁰⁸.
 ///
 /// ```
 /// use somersault_core::interval::fraction_between;

@@ -247,38 +247,42 @@ impl Subproblem {
         violation: f64,
     ) -> bool {
         let n = point.z.len();
-        let mut shift = floor;
         self.trial_set.copy_from_slice(&self.last_set);
-        for _ in 0..=EXCHANGES {
-            self.set_targets();
-            self.p.fill(0.0);
-            self.y[..n].fill(0.0);
-            self.y[n..].copy_from_slice(y);
-            if !self.factor_convex(point, hessian, &mut shift, true)
-                || !self.kkt.solve_near(&point.gradient, &self.targets, &mut self.p, &mut self.y)
-            {
-                return false;
-            }
-            if !self.exchange(point) {
-                self.shift = shift;
-                self.active.copy_from_slice(&self.trial_set);
-                self.measure(point, hessian);
-                let largest = max_norm(y).max(max_norm(&point.gradient)).max(1.0);
-                return self.left_violation <= violation.max(NOTHING)
-                    && max_norm(&self.y[n..]) <= JUMP * largest;
-            }
+        let is_solved = self.exchanged(point, hessian, floor, EXCHANGES, |own| {
+            own.p.fill(0.0);
+            own.y[..n].fill(0.0);
+            own.y[n..].copy_from_slice(y);
+            own.kkt.solve_near(&point.gradient, &own.targets, &mut own.p, &mut own.y)
+        });
+        if !is_solved {
+            return false;
         }
-        false
+        self.measure(point, hessian);
+        let largest = max_norm(y).max(max_norm(&point.gradient)).max(1.0);
+        self.left_violation <= violation.max(NOTHING) && max_norm(&self.y[n..]) <= JUMP * largest
     }
 
     /// Newton's step on the set in `trial_set`, with exchanges. True if it solves the quadratic program.
     fn newton(&mut self, point: &Point, hessian: &Hessian, floor: f64, exchanges: usize) -> bool {
+        self.exchanged(point, hessian, floor, exchanges, |own| {
+            own.kkt.solve(&point.gradient, &own.targets, &mut own.p, &mut own.y)
+        })
+    }
+
+    /// Solves on the set in `trial_set` by factors that are ready, and exchanges rows until none is to be. False if there is no solution, or
+    /// no end.
+    fn exchanged(
+        &mut self,
+        point: &Point,
+        hessian: &Hessian,
+        floor: f64,
+        exchanges: usize,
+        solve: impl Fn(&mut Self) -> bool,
+    ) -> bool {
         let mut shift = floor;
         for _ in 0..=exchanges {
             self.set_targets();
-            if !self.factor_convex(point, hessian, &mut shift, true)
-                || !self.kkt.solve(&point.gradient, &self.targets, &mut self.p, &mut self.y)
-            {
+            if !self.factor_convex(point, hessian, &mut shift, true) || !solve(self) {
                 return false;
             }
             if !self.exchange(point) {

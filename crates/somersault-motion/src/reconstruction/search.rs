@@ -394,11 +394,28 @@ mod tests {
         builder.build().unwrap()
     }
 
+    /// One on each of three bodies.
+    fn markers(model: &Model) -> MarkerSet {
+        let places = [("torso", [0.1, 0.0, 0.2]), ("arm", [0.0, 0.05, -0.4]), ("leg", [0.05, 0.0, -0.6])];
+        MarkerSet::on_bodies(model, places.map(|(body, place)| (body, body, place))).unwrap()
+    }
+
+    fn estimate(coefficients: Vec<f64>) -> Estimate {
+        Estimate {
+            orientation: UnitQuaternion::from_euler_angles(0.3, -0.5, 0.9),
+            momentum: Vector3::new(3.0, 25.0, -2.0),
+            center: Vector3::new(0.1, 0.2, 0.3),
+            velocity: Vector3::new(1.0, 0.0, 2.0),
+            scale: 1.1,
+            gravity: 0.9,
+            coefficients,
+        }
+    }
+
     #[test]
     fn derivatives_of_the_squares_are_their_differences() {
         let model = tree();
-        let places = [("torso", [0.1, 0.0, 0.2]), ("arm", [0.0, 0.05, -0.4]), ("leg", [0.05, 0.0, -0.6])];
-        let markers = MarkerSet::on_bodies(&model, places.map(|(body, place)| (body, body, place))).unwrap();
+        let markers = markers(&model);
         let splines = JointSplines::try_new(&model, &model.neutral(), (0.0, 0.4), 4).unwrap();
         let layout = Layout::new(&model, &splines, true, true);
         let mut rng = ChaCha8Rng::seed_from_u64(5);
@@ -409,15 +426,7 @@ mod tests {
         let mut points: Vec<Vec<_>> = times.iter().map(|_| (0..3).map(|_| point()).collect()).collect();
         (5..9).for_each(|i| points[i][1] = None);
         let observed = Observed { times, reference: 9, points };
-        let estimate = Estimate {
-            orientation: UnitQuaternion::from_euler_angles(0.3, -0.5, 0.9),
-            momentum: Vector3::new(3.0, 25.0, -2.0),
-            center: Vector3::new(0.1, 0.2, 0.3),
-            velocity: Vector3::new(1.0, 0.0, 2.0),
-            scale: 1.1,
-            gravity: 0.9,
-            coefficients: (0..7 * 4).map(|_| random(0.6)).collect(),
-        };
+        let estimate = estimate((0..7 * 4).map(|_| random(0.6)).collect());
         let token = CancellationToken::new();
         // the leg is beyond them at some knots
         let limits = vec![None, None, None, Some([-0.05, 0.1])];
@@ -458,20 +467,11 @@ mod tests {
     #[test]
     fn derivatives_by_places_and_by_the_air_are_differences() {
         let model = tree();
-        let places = [("torso", [0.1, 0.0, 0.2]), ("arm", [0.0, 0.05, -0.4]), ("leg", [0.05, 0.0, -0.6])];
-        let markers = MarkerSet::on_bodies(&model, places.map(|(body, place)| (body, body, place))).unwrap();
+        let markers = markers(&model);
         let splines = JointSplines::try_new(&model, &model.neutral(), (0.0, 0.2), 4).unwrap();
         let layout = Layout::new(&model, &splines, true, true).with_departures(3);
         let flown = Flown { model: &model, splines: &splines, layout: &layout };
-        let estimate = Estimate {
-            orientation: UnitQuaternion::from_euler_angles(0.3, -0.5, 0.9),
-            momentum: Vector3::new(3.0, 25.0, -2.0),
-            center: Vector3::new(0.1, 0.2, 0.3),
-            velocity: Vector3::new(1.0, 0.0, 2.0),
-            scale: 1.1,
-            gravity: 0.9,
-            coefficients: (0..7 * 4).map(|k| 0.5 * f64::from(k).sin()).collect(),
-        };
+        let estimate = estimate((0..7 * 4).map(|k| 0.5 * f64::from(k).sin()).collect());
         let times: Vec<f64> = (0..11).map(|i| 0.02 * f64::from(i)).collect();
         let points = times.iter().map(|t| vec![Some(Vector3::new(*t, 0.3, 0.1)); 3]).collect();
         let observed = Observed { times, reference: 4, points };
