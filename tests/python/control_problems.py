@@ -37,23 +37,28 @@ class Known(NamedTuple):
         return problem, problem.solve(self.guess, **self.options)
 
 
-def chain(n: int, gravity: float) -> ocp.ControlProblem:
-    """Links of 1 kg and 0.5 m that hang, each hinge to be turned by half a radian in a second."""
+def rods(n: int, length: float = 1.0, gravity: float = 9.81) -> multibody.Model:
+    """A chain of rods of 1 kg that hangs."""
     links = [
         multibody.Link(
-            f"link{k}",
+            f"rod{k}",
             "revolute",
-            parent=f"link{k - 1}" if k else None,
+            parent=f"rod{k - 1}" if k else None,
             axis=(0, 0, 1),
-            origin=(0, -0.5, 0) if k else (0, 0, 0),
+            origin=(0, -length, 0) if k else (0, 0, 0),
             mass=1.0,
-            center=(0, -0.25, 0),
-            inertia=np.diag([1, 0, 1]) * 0.5**2 / 12,
+            center=(0, -0.5 * length, 0),
+            inertia=np.diag([1, 0, 1]) * length**2 / 12,
         )
         for k in range(n)
     ]
+    return multibody.Model(links, gravity=(0, -gravity, 0))
+
+
+def chain(n: int, gravity: float) -> ocp.ControlProblem:
+    """Rods of half a metre, each hinge to be turned by half a radian in a second."""
     return ocp.ControlProblem(
-        multibody.Model(links, gravity=(0, -gravity, 0)),
+        rods(n, 0.5, gravity),
         initial=[0] * 2 * n,
         final=[0.5] * n + [0] * n,
         running_cost=lambda x, u: 0.5 * u @ u,

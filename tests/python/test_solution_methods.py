@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from control_problems import KNOWN, chain
+from control_problems import KNOWN, chain, rods
 
 from somersault import ftla, multibody, ocp
 from somersault.errors import InputError
@@ -100,24 +100,6 @@ def cart_pole() -> multibody.Model:
     links = [
         multibody.Link("cart", "prismatic", axis=(1, 0, 0), mass=1.0),
         multibody.Link("pole", "revolute", parent="cart", axis=(0, 0, 1), mass=0.3, center=(0, -0.5, 0)),
-    ]
-    return multibody.Model(links, gravity=(0, -9.81, 0))
-
-
-def rods(n: int) -> multibody.Model:
-    """A chain of rods of 1 kg and 1 m that hangs."""
-    links = [
-        multibody.Link(
-            f"rod{k}",
-            "revolute",
-            parent=f"rod{k - 1}" if k else None,
-            axis=(0, 0, 1),
-            origin=(0, -1, 0) if k else (0, 0, 0),
-            mass=1.0,
-            center=(0, -0.5, 0),
-            inertia=np.diag([1, 0, 1]) / 12,
-        )
-        for k in range(n)
     ]
     return multibody.Model(links, gravity=(0, -9.81, 0))
 

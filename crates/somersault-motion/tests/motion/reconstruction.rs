@@ -396,7 +396,7 @@ fn momentum_is_found_several_times_better_than_by_filters_and_differences() {
 }
 
 #[test]
-#[ignore = "long form of `momentum_is_found_several_times_better_than_by_filters_and_differences`, 24 flights, 160 s: `make studies` runs it"]
+#[ignore = "long form of `momentum_is_found_several_times_better_than_by_filters_and_differences`, 24 flights, 60 s: `make studies` runs it"]
 fn gains_over_filters_and_differences() {
     for diver in [Diver::planar(), Diver::spatial()] {
         let truth = dive(&diver);
