@@ -123,28 +123,29 @@ clean:
 
 # Stamps: each is made once, and again where what it depends on has changed.
 
+# With uv, packages are there in a tenth of the time that pip takes.
 $(VENV)/.tools:
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet 'maturin>=1.9,<2'
+	$(BIN)/python -m pip install --quiet 'maturin>=1.9,<2' 'uv>=0.5'
 	touch $@
 
 # The package, editable, with its extension in the release profile.
 $(VENV)/.extension: $(VENV)/.tools pyproject.toml $(RUST_SOURCES)
-	$(BIN)/maturin develop --release --extras docs,plot
+	$(BIN)/maturin develop --release --uv --extras docs,plot
 	rm -f $(VENV)/.extension-dev
 	touch $@
 
 # The same in the profile of the tests, which checks its arithmetic and is built for them anyway.
 $(VENV)/.extension-dev: $(VENV)/.tools pyproject.toml $(RUST_SOURCES)
-	$(BIN)/maturin develop --profile dev --extras test
+	$(BIN)/maturin develop --profile dev --uv --extras test
 	rm -f $(VENV)/.extension
 	touch $@
 
 # What the tour needs beside the package.
 $(VENV)/.tour: $(VENV)/.tools tour/requirements.txt
-	$(BIN)/python -m pip install --quiet --requirement tour/requirements.txt
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --requirement tour/requirements.txt
 	touch $@
 
 $(VENV)/.peers: $(VENV)/.extension
-	$(BIN)/maturin develop --release --extras bench
+	$(BIN)/maturin develop --release --uv --extras bench
 	touch $@

@@ -75,7 +75,7 @@ def exponents(
 
 
 def exponent_history(found: ftla.LyapunovSpectrum, ax: Axes | None = None) -> Axes:
-    """Lyapunov exponents over the time of a long motion, with bands of their errors at its end.
+    """Lyapunov exponents over the time of a long motion, with bands of their errors and values at its end.
 
     Parameters
     ----------
@@ -103,12 +103,13 @@ def exponent_history(found: ftla.LyapunovSpectrum, ax: Axes | None = None) -> Ax
     for curve, exponent, error in zip(found.history.T, found.exponents, found.errors, strict=True):
         sure = bool(abs(exponent) > error)
         colour = CENTER if not sure else UNSTABLE if exponent > 0 else STABLE
-        ax.plot(found.times, curve, color=colour, lw=1.4)
+        ax.plot(found.times, curve, color=colour, lw=1.4, label=f"{exponent:.3f}".replace("-", "−"))
         if np.isfinite(error):
             ax.axhspan(exponent - error, exponent + error, color=colour, alpha=0.15, lw=0)
     ax.set_xlabel("time, s")
     ax.set_ylabel("Lyapunov exponents, 1/s")
     ax.margins(x=0)
+    label_ends(ax)
     return ax
 
 

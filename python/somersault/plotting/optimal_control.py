@@ -21,6 +21,8 @@ __all__ = ["control_history"]
 
 #: Points of a curve on each arc, or on the whole.
 _POINTS = 200
+#: Largest switching functions that are rounding, beside costates.
+_ROUNDING = 1e-9
 #: Shades of arcs, by what is held on them.
 _SHADES = {
     "at the upper bound": "0.93",
@@ -97,6 +99,10 @@ def control_history(
             ax.axvline(arc["start"], color="0.6", lw=0.8, ls=":", zorder=1)
         if name == "switching functions":
             ax.axhline(0.0, color="0.4", lw=0.8, zorder=1)
+            # what is rounding beside the costates is drawn as zero
+            costates = max(float(np.abs(result.costate(t)).max()) for t in pieces)
+            if max(float(np.abs(value).max()) for value in values) < _ROUNDING * costates:
+                ax.set_ylim(-costates, costates)
         ax.set_ylabel(name)
         ax.set_xlim(spans[0][0], spans[-1][1])
         label_ends(ax)

@@ -141,9 +141,6 @@ class Sweep:
             and (self.failures, self.missing) == (other.failures, other.missing)
         )
 
-    #: As any list.
-    __hash__ = None  # type: ignore[assignment]
-
     @property
     def n_done(self) -> int:
         """Points with a value."""

@@ -1,9 +1,11 @@
-//! Arguments that are whole numbers, pairs or lists of them, read under the names that they have in Python.
+//! Arguments that are whole numbers, pairs or lists of them, and limits, read under the names that they have in Python.
 
 use crate::core::convert::a_type;
 use crate::core::error::Error;
 use pyo3::exceptions::PyOverflowError;
 use pyo3::prelude::*;
+use somersault::ftla::budget::Limits;
+use std::time::Duration;
 
 /// A whole number that is not negative.
 fn whole_number(argument: &str, value: &Bound<'_, PyAny>) -> Result<usize, Error> {
@@ -40,6 +42,36 @@ fn two(argument: &str, value: &Bound<'_, PyAny>) -> Result<[f64; 2], Error> {
 
 fn two_or_none(argument: &str, value: &Bound<'_, PyAny>) -> Result<Option<[f64; 2]>, Error> {
     if value.is_none() { Ok(None) } else { two(argument, value).map(Some) }
+}
+
+/// Limits by the names that they have in Python, where they are given.
+pub(crate) fn limits_of(
+    max_time: Option<&Bound<'_, PyAny>>,
+    max_evaluations: Option<&Bound<'_, PyAny>>,
+) -> Result<Limits, Error> {
+    let time = max_time.map(|value| {
+        let wrong = || {
+            Error::input(format!("`max_time` must be a positive number of seconds, found {}", shown(value)))
+        };
+        let seconds: f64 = value.extract().map_err(|_| wrong())?;
+        match Duration::try_from_secs_f64(seconds) {
+            Ok(time) if !time.is_zero() => Ok(time),
+            Ok(_) | Err(_) => Err(wrong()),
+        }
+    });
+    let evaluations = max_evaluations.map(|value| match value.extract::<usize>() {
+        Ok(count) if count > 0 => Ok(count),
+        Ok(_) | Err(_) => Err(Error::input(format!(
+            "`max_evaluations` must be a positive whole number, found {}",
+            shown(value)
+        ))),
+    });
+    Ok(Limits { time: time.transpose()?, evaluations: evaluations.transpose()? })
+}
+
+/// A value as it is printed, for a message.
+fn shown(value: &Bound<'_, PyAny>) -> String {
+    value.repr().map_or_else(|_| a_type(value), |text| text.to_string())
 }
 
 /// Functions for `from_py_with`, which receive no name.

@@ -1,10 +1,10 @@
 //! Extremals from a rest, and families of them.
 
-use super::argument::whole;
+use super::argument::{limits_of, whole};
+use super::flow::Settings;
 use super::matching::entries;
 use super::named_systems::of_arm;
 use super::run::{Run, attend, caused};
-use super::settings::{Settings, limits_of};
 use super::shooting::{EndStates, Extremal, end_of, shooting_of};
 use super::system::System;
 use super::watched::Source;

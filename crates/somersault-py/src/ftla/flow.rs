@@ -5,7 +5,6 @@ use super::chain::{Chain, Transition};
 use super::dimension::{rows_array, vector};
 use super::error::of_motion;
 use super::run::{attend, attend_with_rest};
-use super::settings::{Plain, Settings, tolerances_of};
 use super::spectrum::{Spectrum, direction_of};
 use super::system::System;
 use super::watched::Watched;
@@ -18,10 +17,59 @@ use pyo3::prelude::*;
 use pyo3::types::PyType;
 use rayon::prelude::*;
 use somersault::ftla::budget::Limits;
-use somersault::ftla::flow::{self, FlowTolerances};
+use somersault::ftla::flow::{self, FlowError, FlowTolerances};
 use somersault::ftla::nalgebra::DVector;
 use somersault::ftla::spectrum::spectra;
 use somersault::ftla::system::{Piece, Side, VectorField};
+
+/// Steps of a run, unless a user allows another number.
+const MAX_STEPS: usize = 100_000;
+
+/// Accuracy and length of runs.
+#[derive(Clone, Copy)]
+pub(crate) struct Settings {
+    pub(crate) tolerances: FlowTolerances,
+    pub(crate) max_steps: usize,
+}
+
+/// Settings as they are pickled: `rtol`, `atol` and `max_steps`.
+pub(crate) type Plain = (f64, f64, usize);
+
+impl Settings {
+    /// What is pickled of them.
+    pub(crate) fn plain(&self) -> Plain {
+        (self.tolerances.relative, self.tolerances.absolute, self.max_steps)
+    }
+
+    /// Pickled settings.
+    pub(crate) fn of_plain((rtol, atol, max_steps): Plain) -> Result<Self, Error> {
+        Ok(Self { tolerances: tolerances_of(rtol, atol)?, max_steps })
+    }
+
+    /// Runs of the usual length.
+    pub(crate) fn new(tolerances: FlowTolerances) -> Self {
+        Self { tolerances, max_steps: MAX_STEPS }
+    }
+
+    /// The flow of a system in a run.
+    pub(crate) fn flow<'a>(
+        &self,
+        system: &'a Watched,
+    ) -> Result<flow::VariationalFlow<'a, Watched>, FlowError> {
+        Ok(flow::VariationalFlow::try_new(system, self.tolerances)?.with_max_steps(self.max_steps))
+    }
+}
+
+/// FlowTolerances by the names that they have in Python.
+pub(crate) fn tolerances_of(rtol: f64, atol: f64) -> Result<FlowTolerances, Error> {
+    if !(1e-15..=0.1).contains(&rtol) {
+        return Err(Error::input(format!("`rtol` must be from 1e-15 to 0.1, found {rtol}")));
+    }
+    if !atol.is_finite() || atol < 0.0 {
+        return Err(Error::input(format!("`atol` must be finite and not negative, found {atol}")));
+    }
+    Ok(FlowTolerances { relative: rtol, absolute: atol })
+}
 
 /// Integrates a system with its transition matrix, forward and, for a negative duration, backward.
 ///

@@ -1,9 +1,8 @@
 //! Analyses of flows: long runs, fields of exponents, ridges, and convergence. `somersault._flows` makes objects of what these give.
 
-use super::argument::whole;
+use super::argument::{limits_of, whole};
 use super::error::told;
 use super::flow::VariationalFlow;
-use super::settings::limits_of;
 use super::spectrum::Spectrum;
 use crate::core::convert::{array, contiguous, entries, shape_text};
 use crate::core::error::Error;

@@ -1,10 +1,9 @@
 //! Matching a motion from the start with one from the end.
 
-use super::argument::{whole, wholes};
+use super::argument::{limits_of, whole, wholes};
 use super::dimension::rows_array;
 use super::flow::VariationalFlow;
 use super::placement::Placement;
-use super::settings::limits_of;
 use super::watched::Watched;
 use crate::core::convert::{finite_all, positive, real_numbers, with_shape};
 use crate::core::error::Error;

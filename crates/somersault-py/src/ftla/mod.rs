@@ -18,7 +18,6 @@ mod named_systems;
 mod pickled_system;
 mod placement;
 mod run;
-mod settings;
 mod shooting;
 mod spectrum;
 mod subspace;

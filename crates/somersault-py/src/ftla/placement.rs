@@ -1,10 +1,9 @@
 //! Placing a point on the centre-stable or the centre-unstable manifold.
 
-use super::argument::{triple, whole, wholes};
+use super::argument::{limits_of, triple, whole, wholes};
 use super::dimension::{dims_of, expect_dimension};
 use super::error::told;
 use super::flow::VariationalFlow;
-use super::settings::limits_of;
 use super::spectrum::{Diagnosis, Spectrum, direction_of};
 use crate::core::convert::{positive, real_numbers};
 use crate::core::error::Error;

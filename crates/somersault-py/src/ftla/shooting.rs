@@ -1,10 +1,10 @@
 //! Extremals by multiple shooting.
 
-use super::argument::whole;
+use super::argument::{limits_of, whole};
 use super::chain::{Chain, Transition};
 use super::dimension::{rows_array, vector};
+use super::flow::{Plain, Settings, tolerances_of};
 use super::run::{Run, attend};
-use super::settings::{Plain, Settings, limits_of, tolerances_of};
 use super::system::System;
 use crate::core::convert::{array, check_finite, finite_all, real_numbers, times};
 use crate::core::error::Error;

@@ -191,6 +191,7 @@ class Player {
       const { style } = this.labels[panel];
       style.left = beside ? `${100 * panel / n}%` : 0;
       style.top = beside ? 0 : `${100 * panel / n}%`;
+      style.maxWidth = beside ? `${100 / n}%` : "100%";
     });
   }
 
