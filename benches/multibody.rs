@@ -3,9 +3,10 @@
 //!
 //! `cargo bench --bench multibody`; `benches/peers/multibody.py` times Pinocchio on the same tree and state.
 
-use criterion::{Criterion, criterion_group, criterion_main};
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use somersault::core::lanes::InstructionSet;
 use somersault::multibody::flight::{Flight, FlightData, FlightSystem};
-use somersault::multibody::{Data, DerivativeData, Split};
+use somersault::multibody::{Data, DerivativeData, LaneData, Split};
 use somersault::prelude::{Method, Run, TimeGrid};
 use somersault_testkit::trees::{Random, State, diver, geared_diver, humanoid, random_configuration};
 use std::hint::black_box;
@@ -76,6 +77,49 @@ fn geared_dynamics(c: &mut Criterion) {
     group.finish();
 }
 
+/// Many states of the diver, a thousand at a time on one core: one by one, and in the lanes of each set of instructions.
+fn many_states(c: &mut Criterion) {
+    const COUNT: usize = 1024;
+    let model = diver().model;
+    let (n_q, n) = (model.n_positions(), model.n_velocities());
+    let mut random = Random::new(28);
+    let mut q = Vec::with_capacity(COUNT * n_q);
+    for _ in 0..COUNT {
+        q.extend(random_configuration(&mut random, &model).expect("lengths fit"));
+    }
+    let [v, input] = [(); 2].map(|()| random.numbers(COUNT * n, 2.0));
+    let mut out = vec![0.0; COUNT * n];
+    let mut group = c.benchmark_group("1024 states of the diver");
+    group.throughput(Throughput::Elements(COUNT as u64));
+    let mut data = Data::new(&model);
+    group.bench_function("rnea, one by one", |b| {
+        b.iter(|| {
+            for (i, out) in out.chunks_mut(n).enumerate() {
+                let (q, v, a) = (&q[i * n_q..][..n_q], &v[i * n..][..n], &input[i * n..][..n]);
+                out.copy_from_slice(model.inverse_dynamics(&mut data, q, v, a, &[]).expect("lengths fit"));
+            }
+        })
+    });
+    group.bench_function("aba, one by one", |b| {
+        b.iter(|| {
+            for (i, out) in out.chunks_mut(n).enumerate() {
+                let (q, v, torque) = (&q[i * n_q..][..n_q], &v[i * n..][..n], &input[i * n..][..n]);
+                out.copy_from_slice(model.forward_dynamics(&mut data, q, v, torque, &[]).expect("a mass"));
+            }
+        })
+    });
+    for set in InstructionSet::supported() {
+        let mut data = LaneData::with_instructions(&model, set);
+        group.bench_function(BenchmarkId::new("rnea", set.name()), |b| {
+            b.iter(|| model.inverse_dynamics_many(&mut data, black_box(&q), &v, &input, &[], &mut out))
+        });
+        group.bench_function(BenchmarkId::new("aba", set.name()), |b| {
+            b.iter(|| model.forward_dynamics_many(&mut data, black_box(&q), &v, &input, &[], &mut out))
+        });
+    }
+    group.finish();
+}
+
 /// One evaluation of reduced flight, with and without derivatives, and a dive of 1.7 s in 200 steps.
 fn reduced_flight(c: &mut Criterion) {
     let model = humanoid().expect("a tree");
@@ -115,6 +159,6 @@ criterion_group! {
         .sample_size(30)
         .warm_up_time(Duration::from_millis(300))
         .measurement_time(Duration::from_millis(1000));
-    targets = diver_dynamics, geared_dynamics, reduced_flight
+    targets = diver_dynamics, geared_dynamics, many_states, reduced_flight
 }
 criterion_main!(multibody);

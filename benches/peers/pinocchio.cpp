@@ -1,6 +1,7 @@
 // Times Pinocchio's dynamics of one tree, called from C++: `pinocchio MODEL`, a model in its text format.
 //
-// Prints a name and the least microseconds per call on each line, as `time_diver` does for this library.
+// Prints a name and the least microseconds per call on each line, of a state where there are many, as `time_diver` does for
+// this library.
 
 #include <pinocchio/algorithm/aba-derivatives.hpp>
 #include <pinocchio/algorithm/aba.hpp>
@@ -16,15 +17,15 @@
 #include <cstdio>
 #include <limits>
 
-// The least time of a call over 200 samples of 200 calls.
+// The least time of a state over 200 samples of some calls, for so many states each.
 template <typename Call>
-static void report(const char* name, Call call) {
+static void report(const char* name, Call call, int calls = 200, int states = 1) {
   using Clock = std::chrono::steady_clock;
   double best = std::numeric_limits<double>::infinity();
   for (int sample = 0; sample < 200; ++sample) {
     const auto start = Clock::now();
-    for (int i = 0; i < 200; ++i) call();
-    best = std::min(best, std::chrono::duration<double>(Clock::now() - start).count() / 200);
+    for (int i = 0; i < calls; ++i) call();
+    best = std::min(best, std::chrono::duration<double>(Clock::now() - start).count() / (calls * states));
   }
   std::printf("%s %.4f\n", name, best * 1e6);
 }
@@ -45,4 +46,24 @@ int main(int count, char** arguments) {
   report("aba", [&] { pinocchio::aba(model, data, q, v, a, Convention::LOCAL); });
   report("rnea_partials", [&] { pinocchio::computeRNEADerivatives(model, data, q, v, a); });
   report("aba_partials", [&] { pinocchio::computeABADerivatives(model, data, q, v, a); });
+  // Many states, in a loop.
+  const int states = 256;
+  const Eigen::MatrixXd many_q = q.replicate(1, states), many_v = v.replicate(1, states);
+  const Eigen::MatrixXd many_a = a.replicate(1, states);
+  Eigen::MatrixXd out(model.nv, states);
+  report(
+      "rnea_many",
+      [&] {
+        for (int i = 0; i < states; ++i)
+          out.col(i) = pinocchio::rnea(model, data, many_q.col(i), many_v.col(i), many_a.col(i));
+      },
+      1, states);
+  for (const Convention convention : {Convention::WORLD, Convention::LOCAL})
+    report(
+        "aba_many",
+        [&] {
+          for (int i = 0; i < states; ++i)
+            out.col(i) = pinocchio::aba(model, data, many_q.col(i), many_v.col(i), many_a.col(i), convention);
+        },
+        1, states);
 }

@@ -4,7 +4,9 @@ use crate::{Drive, Torques};
 use somersault::integrators::stepper::{Scope, Variables};
 use somersault::multibody::flight::{Flight, FlightSystem, TakeOff};
 use somersault::multibody::motion::{BodyWrenches, Coordinates, TreeForces, TreeState, TreeSystem};
-use somersault::multibody::{Axes, Data, DerivativeData, Force, Model, Split, Transform, Velocities};
+use somersault::multibody::{
+    Axes, Data, DerivativeData, Force, LaneData, Model, Split, Transform, Velocities,
+};
 use somersault::prelude::*;
 use somersault_testkit::allocations::allocations;
 use somersault_testkit::trees::{State, diver, geared_diver, humanoid};
@@ -91,6 +93,8 @@ fn dynamics_of_trees_and_their_partials_allocate_nothing() {
     let check = |model: &Model, q: &[f64], v: &[f64], a: &[f64], torque: &[f64]| {
         let n = model.n_velocities();
         let (mut data, mut work) = (Data::new(model), DerivativeData::new(model));
+        let mut lanes = LaneData::new(model);
+        let mut many = vec![0.0; 11 * n];
         let split = Split::new((0..n).map(|k| k >= 6).collect());
         let (mut acceleration, mut force) = (a.to_vec(), torque.to_vec());
         let mut jacobian = nalgebra::DMatrix::zeros(6, n);
@@ -106,6 +110,8 @@ fn dynamics_of_trees_and_their_partials_allocate_nothing() {
             model.forward_dynamics_partials(&mut work, q, v, torque, &[]).unwrap();
             model.hybrid_dynamics_partials(&mut work, &split, q, v, a, &[]).unwrap();
             model.momentum_partials(&mut work, q, v).unwrap();
+            model.inverse_dynamics_many(&mut lanes, q, v, a, &[], &mut many).unwrap();
+            model.forward_dynamics_many(&mut lanes, q, v, torque, &[], &mut many).unwrap();
         });
         assert_eq!(found, 0);
     };

@@ -4,6 +4,7 @@ mod allocation;
 mod derivatives;
 mod dynamics;
 mod flight;
+mod many;
 mod mimic;
 mod mjcf;
 mod models;

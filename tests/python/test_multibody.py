@@ -320,6 +320,34 @@ def test_wrenches_may_be_many(model: Model) -> None:
         np.testing.assert_array_equal(together[i], model.inverse_dynamics(q[i], v[i], a[i], wrenches[i]))
 
 
+@pytest.mark.parametrize("name", ["inverse_dynamics", "forward_dynamics"])
+def test_many_states_have_the_bits_that_each_has_alone(model: Model, name: str) -> None:
+    # Groups of lanes, parts of them, one row that stands for all, and wrenches.
+    function = getattr(model, name)
+    for n in (1, 2, 5, 8, 13, 67):
+        q, v, a = many(model, n)
+        wrenches = np.random.default_rng(n).normal(size=(n, model.n_bodies, 6))
+        together = function(q, v[0], a, wrenches)
+        for i in range(n):
+            np.testing.assert_array_equal(together[i], function(q[i], v[0], a[i], wrenches[i]))
+
+
+def test_the_first_of_many_states_without_an_acceleration_is_named() -> None:
+    # At the angle 0 both sliders move along one line, and the outer one carries all mass.
+    slider = Link("slider", "prismatic", axis=(1, 0, 0))
+    arm = Link("arm", "revolute", parent="slider", axis=(0, 0, 1))
+    bob = Link(
+        "bob", "prismatic", parent="arm", axis=(1, 0, 0), mass=1.0, center=(0, 1, 0), inertia=(1, 1, 1)
+    )
+    model = Model([slider, arm, bob])
+    q = np.array([[0.1, turn, 0.2] for turn in (0.3, 0.7, 0.1, 0.4, 0.2, 0.0, 0.5, 0.0, 0.6)])
+    still = np.zeros(3)
+    raises(errors.DynamicsError, "row 5", lambda: model.forward_dynamics(q, still, still))
+    q[5, 1] = 0.8
+    q[7, 1] = 0.9
+    assert np.isfinite(model.forward_dynamics(q, still, still)).all()
+
+
 def test_any_real_numbers_are_taken(model: Model, state: tuple[Array, Array, Array]) -> None:
     q, v, _ = state
     expected = model.bias(q, v)
@@ -673,7 +701,7 @@ def test_divers_have_their_tables_and_postures() -> None:
 def test_other_threads_run_while_a_batch_is_computed(model: Model) -> None:
     q, v, a = many(model, 50)
     q, v, a = (np.tile(x, (1000, 1)) for x in (q, v, a))
-    worker = threading.Thread(target=model.forward_dynamics, args=(q, v, a))
+    worker = threading.Thread(target=model.hybrid_dynamics, args=(q, v, a, a, ["b1"]))
     worker.start()
     turns = 0
     while worker.is_alive():

@@ -14,7 +14,7 @@
 //! ```math
 //! \exp \phi = 1 + \frac{\sin |\phi|}{|\phi|}\, \hat\phi + \frac{1 - \cos |\phi|}{|\phi|^2}\, \hat\phi^2
 //! ```
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 #![cfg_attr(
     not(test),
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::unreachable, clippy::todo)
@@ -27,6 +27,8 @@ pub mod double_double;
 pub mod elliptic;
 mod inertia;
 pub mod interval;
+#[allow(unsafe_code)]
+pub mod lanes;
 pub mod lie;
 pub mod quadrature;
 pub mod random;

@@ -10,7 +10,7 @@
 //! and a step of a Lie group method moves the orientation by an exponential, so that it stays a rotation. A
 //! [`Run`](run::Run) takes a [`System`](system::System), a [`Method`](methods::Method) and its steps; [`events`] locates where
 //! the equations change.
-#![deny(unsafe_code)]
+#![forbid(unsafe_code)]
 #![cfg_attr(
     not(test),
     deny(clippy::unwrap_used, clippy::expect_used, clippy::panic, clippy::unreachable, clippy::todo)

@@ -22,8 +22,9 @@ use crate::error::DynamicsError;
 use crate::inertia::ArticulatedInertia;
 use crate::model::Model;
 use crate::spatial::{Force, Motion};
+use nalgebra::Vector3;
 use somersault_core::argument::expect_length;
-use somersault_core::scalar::{Scalar, constant};
+use somersault_core::scalar::{Lift, Scalar, constant};
 
 /// Which degrees of freedom have a prescribed acceleration.
 pub(crate) trait Roles {
@@ -107,8 +108,8 @@ impl<T: Scalar> Model<T> {
             return done.map(|()| data.room.acceleration.as_slice());
         }
         let TreeData { nodes, momenta, pivots, acceleration, .. } = &mut data.tree;
-        self.articulate(&AllPassive, nodes, momenta, pivots, q, v, acceleration, torque, wrenches)?;
-        self.release(&AllPassive, nodes, momenta, pivots, acceleration, &mut []);
+        self.articulate((), &AllPassive, nodes, momenta, pivots, q, v, acceleration, torque, wrenches)?;
+        self.release((), &AllPassive, nodes, momenta, pivots, acceleration, &mut []);
         Ok(&data.tree.acceleration)
     }
 
@@ -141,8 +142,8 @@ impl<T: Scalar> Model<T> {
             return Ok(());
         }
         let TreeData { nodes, momenta, pivots, .. } = &mut data.tree;
-        self.articulate(split, nodes, momenta, pivots, q, v, acceleration, torque, wrenches)?;
-        self.release(split, nodes, momenta, pivots, acceleration, torque);
+        self.articulate((), split, nodes, momenta, pivots, q, v, acceleration, torque, wrenches)?;
+        self.release((), split, nodes, momenta, pivots, acceleration, torque);
         for k in 0..torque.len() {
             if split.active[k] {
                 torque[k] += self.damping[k] * v[k];
@@ -152,37 +153,43 @@ impl<T: Scalar> Model<T> {
     }
 
     /// Outwards for velocities, then inwards for articulated inertias and bias forces.
-    fn articulate(
+    ///
+    /// Lanes fail together, where any of them does.
+    #[inline(always)]
+    pub(crate) fn articulate<N: Lift<T>>(
         &self,
+        proof: N::Proof,
         roles: &impl Roles,
-        nodes: &mut [Node<T>],
-        momenta: &mut [Force<T>],
-        pivots: &mut [Pivot<T>],
-        q: &[T],
-        v: &[T],
-        known_acceleration: &[T],
-        known_torque: &[T],
-        wrenches: &[Force<T>],
+        nodes: &mut [Node<N>],
+        momenta: &mut [Force<N>],
+        pivots: &mut [Pivot<N>],
+        q: &[N],
+        v: &[N],
+        known_acceleration: &[N],
+        known_torque: &[N],
+        wrenches: &[Force<N>],
     ) -> Result<(), DynamicsError> {
+        let rest = Motion::zero().lift(proof);
         for (i, body) in self.bodies.iter().enumerate() {
-            let outer = body.parent.map_or(Motion::zero(), |p| nodes[p].velocity);
+            let outer = body.parent.map_or(rest, |p| nodes[p].velocity);
+            let inertia = body.inertia.lift(proof);
             let node = &mut nodes[i];
-            node.local = body.mechanism.transform(&q[body.q..]);
-            let relative = self.relative(body, v);
+            node.local = body.mechanism.transform_in(proof, &q[body.q..]);
+            let relative = self.relative_in(proof, body, v);
             node.velocity = node.local.inverse_motion(&outer) + relative;
             node.acceleration = node.velocity.cross(&relative);
-            node.articulated = ArticulatedInertia::rigid(&body.inertia);
-            node.force = node.velocity.cross_force(&body.inertia.times(&node.velocity));
+            node.articulated = ArticulatedInertia::rigid(&body.inertia).lift(proof);
+            node.force = node.velocity.cross_force(&inertia.times(&node.velocity));
             if let Some(wrench) = wrenches.get(i) {
                 node.force -= *wrench;
             }
         }
-        let rounding = constant(4.0 * f64::EPSILON);
+        let (one, rounding) = (N::lift(proof, T::one()), N::lift(proof, constant(4.0 * f64::EPSILON)));
         for (i, body) in self.bodies.iter().enumerate().rev() {
             let (inner, outer) = nodes.split_at_mut(i);
             let node = &mut outer[0];
             for k in body.dofs.clone() {
-                let direction = &self.directions[k];
+                let direction = &self.directions[k].lift(proof);
                 let momentum = node.articulated.column(direction);
                 momenta[k] = momentum;
                 if roles.is_active(k) {
@@ -191,11 +198,12 @@ impl<T: Scalar> Model<T> {
                     continue;
                 }
                 let pivot = direction.dot(&momentum);
-                if !(pivot > node.articulated.extent(direction) * rounding && pivot.is_finite()) {
+                if !pivot.exceeds(node.articulated.extent(direction) * rounding) {
                     return Err(DynamicsError::Singular { joint: self.links()[i].name.clone() });
                 }
-                let inverse = T::one() / pivot;
-                let residual = known_torque[k] - self.damping[k] * v[k] - direction.dot(&node.force);
+                let inverse = one / pivot;
+                let damping = N::lift(proof, self.damping[k]);
+                let residual = known_torque[k] - damping * v[k] - direction.dot(&node.force);
                 pivots[k] = Pivot { inverse, residual };
                 // the root has nobody to hand its inertia to
                 if body.parent.is_some() || k + 1 < body.dofs.end {
@@ -214,28 +222,31 @@ impl<T: Scalar> Model<T> {
     }
 
     /// Outwards for accelerations, and for the forces of active degrees of freedom.
-    fn release(
+    #[inline(always)]
+    pub(crate) fn release<N: Lift<T>>(
         &self,
+        proof: N::Proof,
         roles: &impl Roles,
-        nodes: &mut [Node<T>],
-        momenta: &[Force<T>],
-        pivots: &[Pivot<T>],
-        acceleration: &mut [T],
-        torque: &mut [T],
+        nodes: &mut [Node<N>],
+        momenta: &[Force<N>],
+        pivots: &[Pivot<N>],
+        acceleration: &mut [N],
+        torque: &mut [N],
     ) {
-        let world = Motion::new(-self.gravity, nalgebra::Vector3::zeros());
+        let world = Motion::new(-self.gravity, Vector3::zeros()).lift(proof);
         for (i, body) in self.bodies.iter().enumerate() {
             let outer = body.parent.map_or(world, |p| nodes[p].acceleration);
             let node = &mut nodes[i];
             let mut motion = node.local.inverse_motion(&outer) + node.acceleration;
             for k in body.dofs.clone().rev() {
+                let direction = self.directions[k].lift(proof);
                 if roles.is_active(k) {
-                    self.directions[k].add_to(&mut motion, acceleration[k]);
+                    direction.add_to(&mut motion, acceleration[k]);
                     torque[k] = motion.dot(&momenta[k]) + pivots[k].residual;
                 } else {
                     let rate = (pivots[k].residual - motion.dot(&momenta[k])) * pivots[k].inverse;
                     acceleration[k] = rate;
-                    self.directions[k].add_to(&mut motion, rate);
+                    direction.add_to(&mut motion, rate);
                 }
             }
             node.acceleration = motion;

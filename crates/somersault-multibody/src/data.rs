@@ -5,7 +5,7 @@ use crate::inertia::{ArticulatedInertia, SpatialInertia};
 use crate::model::Model;
 use crate::spatial::{Force, Motion, Transform};
 use nalgebra::{DMatrix, Vector3};
-use somersault_core::Scalar;
+use somersault_core::scalar::{Lift, Scalar};
 
 /// Room for intermediate results and results, made once for a model and used repeatedly.
 ///
@@ -51,6 +51,26 @@ pub(crate) struct Node<T> {
     pub(crate) composite: SpatialInertia<T>,
 }
 
+impl<N> Node<N> {
+    /// What is there before anything is computed.
+    pub(crate) fn at_rest<T: Scalar>(proof: <N as Lift<T>>::Proof) -> Self
+    where
+        N: Lift<T>,
+    {
+        let (motion, force, inertia) = (Motion::zero(), Force::zero(), SpatialInertia::zero());
+        let frame = Transform::identity();
+        Self {
+            local: frame.lift(proof),
+            pose: frame.lift(proof),
+            velocity: motion.lift(proof),
+            acceleration: motion.lift(proof),
+            force: force.lift(proof),
+            articulated: ArticulatedInertia::rigid(&inertia).lift(proof),
+            composite: inertia.lift(proof),
+        }
+    }
+}
+
 /// What the elimination of one degree of freedom leaves behind.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pivot<T> {
@@ -64,17 +84,8 @@ impl<T: Scalar> Data<T> {
     /// A workspace for `model`.
     pub fn new(model: &Model<T>) -> Self {
         let n = model.directions.len();
-        let node = Node {
-            local: Transform::identity(),
-            pose: Transform::identity(),
-            velocity: Motion::zero(),
-            acceleration: Motion::zero(),
-            force: Force::zero(),
-            articulated: ArticulatedInertia::rigid(&SpatialInertia::zero()),
-            composite: SpatialInertia::zero(),
-        };
         let tree = TreeData {
-            nodes: vec![node; model.n_bodies()],
+            nodes: vec![Node::at_rest::<T>(()); model.n_bodies()],
             origin: Vector3::zeros(),
             columns: vec![Motion::zero(); n],
             momenta: vec![Force::zero(); n],

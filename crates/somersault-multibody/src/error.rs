@@ -175,4 +175,12 @@ pub enum DynamicsError {
         /// Name of the body that the joint carries.
         joint: String,
     },
+    /// One of many states has no result: the first one that has none.
+    #[error("state {index}: {source}")]
+    InState {
+        /// Number of the state, from 0.
+        index: usize,
+        /// Why.
+        source: Box<DynamicsError>,
+    },
 }

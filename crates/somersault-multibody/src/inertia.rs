@@ -8,9 +8,13 @@
 //! of the frame (not about the centre of mass c).
 
 use crate::spatial::{Direction, Force, Motion, Transform};
+use crate::triples::{
+    columns, cross, difference, dot, lifted, matrix_lifted, matrix_sum, of_columns, product, scaled, sum,
+    times, transposed, transposed_times,
+};
 use nalgebra::{Matrix3, Vector3};
 use somersault_core::lie::so3::hat;
-use somersault_core::scalar::{Scalar, constant};
+use somersault_core::scalar::{Arithmetic, Lift, Scalar, constant};
 use std::ops::AddAssign;
 
 /// A symmetric 3 × 3 matrix.
@@ -30,11 +34,27 @@ impl<T: Scalar> Symmetric3<T> {
         let o = T::zero();
         Self { xx: d, xy: o, xz: o, yy: d, yz: o, zz: d }
     }
+}
 
+impl<T: Arithmetic> Symmetric3<T> {
     /// From the upper triangle.
     #[inline(always)]
     fn upper(m: &Matrix3<T>) -> Self {
         Self { xx: m.m11, xy: m.m12, xz: m.m13, yy: m.m22, yz: m.m23, zz: m.m33 }
+    }
+
+    /// The same constant in other arithmetic.
+    #[inline(always)]
+    fn lift<N: Lift<T>>(&self, proof: N::Proof) -> Symmetric3<N> {
+        let number = |x| N::lift(proof, x);
+        Symmetric3 {
+            xx: number(self.xx),
+            xy: number(self.xy),
+            xz: number(self.xz),
+            yy: number(self.yy),
+            yz: number(self.yz),
+            zz: number(self.zz),
+        }
     }
 
     #[inline(always)]
@@ -54,22 +74,22 @@ impl<T: Scalar> Symmetric3<T> {
     /// R S Rᵀ.
     #[inline(always)]
     fn rotated(&self, r: &Matrix3<T>) -> Self {
-        let (x, y, z) = (r.row(0).transpose(), r.row(1).transpose(), r.row(2).transpose());
+        let [x, y, z] = columns(&transposed(r));
         let (sx, sy, sz) = (self.times(&x), self.times(&y), self.times(&z));
         Self {
-            xx: x.dot(&sx),
-            xy: x.dot(&sy),
-            xz: x.dot(&sz),
-            yy: y.dot(&sy),
-            yz: y.dot(&sz),
-            zz: z.dot(&sz),
+            xx: dot(&x, &sx),
+            xy: dot(&x, &sy),
+            xz: dot(&x, &sz),
+            yy: dot(&y, &sy),
+            yz: dot(&y, &sz),
+            zz: dot(&z, &sz),
         }
     }
 
     /// self − u uᵀ s
     #[inline(always)]
     fn subtract_square(&mut self, u: &Vector3<T>, s: T) {
-        let w = u * s;
+        let w = scaled(u, s);
         self.xx -= u.x * w.x;
         self.xy -= u.x * w.y;
         self.xz -= u.x * w.z;
@@ -79,7 +99,7 @@ impl<T: Scalar> Symmetric3<T> {
     }
 }
 
-impl<T: Scalar> AddAssign for Symmetric3<T> {
+impl<T: Arithmetic> AddAssign for Symmetric3<T> {
     #[inline(always)]
     fn add_assign(&mut self, o: Self) {
         self.xx += o.xx;
@@ -93,9 +113,9 @@ impl<T: Scalar> AddAssign for Symmetric3<T> {
 
 /// û m: the cross product of `u` with every column of `m`.
 #[inline(always)]
-fn hat_times<T: Scalar>(u: &Vector3<T>, m: &Matrix3<T>) -> Matrix3<T> {
-    let column = |c: usize| u.cross(&m.column(c).into_owned());
-    Matrix3::from_columns(&[column(0), column(1), column(2)])
+fn hat_times<T: Arithmetic>(u: &Vector3<T>, m: &Matrix3<T>) -> Matrix3<T> {
+    let [a, b, c] = columns(m);
+    of_columns([cross(u, &a), cross(u, &b), cross(u, &c)])
 }
 
 /// Spatial inertia of a rigid body about the origin of a frame: 10 numbers.
@@ -134,15 +154,6 @@ impl<T: Scalar> SpatialInertia<T> {
         self.rotational.full()
     }
 
-    /// The momentum of the body moving at `motion`.
-    #[inline(always)]
-    pub fn times(&self, motion: &Motion<T>) -> Force<T> {
-        Force::new(
-            motion.linear * self.mass + motion.angular.cross(&self.first_moment),
-            self.rotational.times(&motion.angular) + self.first_moment.cross(&motion.linear),
-        )
-    }
-
     /// The inertia of a body fixed in a frame of the given pose, about the outer origin in outer axes:
     /// h' = R h + m p, I' = R I Rᵀ + (m p·p + 2 p·Rh) 1 − m p pᵀ − p (Rh)ᵀ − (Rh) pᵀ.
     #[inline(always)]
@@ -163,6 +174,27 @@ impl<T: Scalar> SpatialInertia<T> {
             zz: two(x + y),
         };
         Self { mass: self.mass, first_moment: h + p * self.mass, rotational }
+    }
+}
+
+impl<T: Arithmetic> SpatialInertia<T> {
+    /// The same constant in other arithmetic.
+    #[inline(always)]
+    pub(crate) fn lift<N: Lift<T>>(&self, proof: N::Proof) -> SpatialInertia<N> {
+        SpatialInertia {
+            mass: N::lift(proof, self.mass),
+            first_moment: lifted(proof, &self.first_moment),
+            rotational: self.rotational.lift(proof),
+        }
+    }
+
+    /// The momentum of the body moving at `motion`.
+    #[inline(always)]
+    pub fn times(&self, motion: &Motion<T>) -> Force<T> {
+        Force::new(
+            sum(&scaled(&motion.linear, self.mass), &cross(&motion.angular, &self.first_moment)),
+            sum(&self.rotational.times(&motion.angular), &cross(&self.first_moment, &motion.linear)),
+        )
     }
 }
 
@@ -192,20 +224,34 @@ impl<T: Scalar> ArticulatedInertia<T> {
             rotational: inertia.rotational,
         }
     }
+}
+
+impl<T: Arithmetic> ArticulatedInertia<T> {
+    /// The same constant in other arithmetic.
+    #[inline(always)]
+    pub(crate) fn lift<N: Lift<T>>(&self, proof: N::Proof) -> ArticulatedInertia<N> {
+        ArticulatedInertia {
+            linear: self.linear.lift(proof),
+            coupling: matrix_lifted(proof, &self.coupling),
+            rotational: self.rotational.lift(proof),
+        }
+    }
 
     #[inline(always)]
     pub(crate) fn times(&self, motion: &Motion<T>) -> Force<T> {
         Force::new(
-            self.linear.times(&motion.linear) + self.coupling * motion.angular,
-            self.coupling.tr_mul(&motion.linear) + self.rotational.times(&motion.angular),
+            sum(&self.linear.times(&motion.linear), &times(&self.coupling, &motion.angular)),
+            sum(&transposed_times(&self.coupling, &motion.linear), &self.rotational.times(&motion.angular)),
         )
     }
 
     #[inline(always)]
     pub(crate) fn column(&self, direction: &Direction<T>) -> Force<T> {
         match direction {
-            Direction::Linear(axis) => Force::new(self.linear.times(axis), self.coupling.tr_mul(axis)),
-            Direction::Angular(axis) => Force::new(self.coupling * axis, self.rotational.times(axis)),
+            Direction::Linear(axis) => {
+                Force::new(self.linear.times(axis), transposed_times(&self.coupling, axis))
+            }
+            Direction::Angular(axis) => Force::new(times(&self.coupling, axis), self.rotational.times(axis)),
         }
     }
 
@@ -223,7 +269,13 @@ impl<T: Scalar> ArticulatedInertia<T> {
     #[inline(always)]
     pub(crate) fn subtract_square(&mut self, u: &Force<T>, s: T) {
         self.linear.subtract_square(&u.linear, s);
-        self.coupling -= u.linear * (u.angular * s).transpose();
+        let (a, w) = (&u.linear, scaled(&u.angular, s));
+        let [x, y, z] = columns(&self.coupling);
+        self.coupling = of_columns([
+            difference(&x, &scaled(a, w.x)),
+            difference(&y, &scaled(a, w.y)),
+            difference(&z, &scaled(a, w.z)),
+        ]);
         self.rotational.subtract_square(&u.angular, s);
     }
 
@@ -233,12 +285,12 @@ impl<T: Scalar> ArticulatedInertia<T> {
     pub(crate) fn add_seen_from(&mut self, inner: &Self, pose: &Transform<T>) {
         let (r, p) = (&pose.rotation, &pose.translation);
         let linear = inner.linear.rotated(r);
-        let turned = (r * inner.coupling) * r.transpose();
+        let turned = product(&product(r, &inner.coupling), &transposed(r));
         // M p̂ = −(p̂ M)ᵀ
-        let coupling = turned + hat_times(p, &linear.full()).transpose();
-        let lever = hat_times(p, &coupling) + hat_times(p, &turned).transpose();
+        let coupling = matrix_sum(&turned, &transposed(&hat_times(p, &linear.full())));
+        let lever = matrix_sum(&hat_times(p, &coupling), &transposed(&hat_times(p, &turned)));
         self.linear += linear;
-        self.coupling += coupling;
+        self.coupling = matrix_sum(&self.coupling, &coupling);
         self.rotational += inner.rotational.rotated(r);
         self.rotational += Symmetric3::upper(&lever);
     }

@@ -15,10 +15,12 @@
 //! linear before angular throughout.
 
 use crate::spatial::{Direction, Force, Motion, Transform};
+use crate::triples::{lifted, matrix_lifted, matrix_scaled, matrix_sum, product, scaled, sum};
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 use somersault_core::Scalar;
 use somersault_core::lie::se3;
-use somersault_core::lie::so3::{from_xyzw, hat};
+use somersault_core::lie::so3::{hat, matrix_of_xyzw};
+use somersault_core::scalar::Lift;
 use std::ops::Range;
 
 /// The kinds of joints between a body and its parent.
@@ -258,11 +260,6 @@ pub(crate) enum Mechanism<T> {
     Free(Transform<T>),
 }
 
-#[inline(always)]
-fn rotation<T: Scalar>(q: &[T]) -> Matrix3<T> {
-    from_xyzw(q).to_rotation_matrix().into_inner()
-}
-
 impl<T: Scalar> Mechanism<T> {
     /// `placement` is the pose of the joint frame in the parent; axes are of unit length.
     pub(crate) fn new(joint: &Joint, placement: Transform<T>) -> Self {
@@ -292,26 +289,37 @@ impl<T: Scalar> Mechanism<T> {
     /// Pose of the child in the parent.
     #[inline(always)]
     pub(crate) fn transform(&self, q: &[T]) -> Transform<T> {
+        self.transform_in((), q)
+    }
+
+    /// The same in other arithmetic.
+    #[inline(always)]
+    pub(crate) fn transform_in<N: Lift<T>>(&self, proof: N::Proof, q: &[N]) -> Transform<N> {
         match self {
-            Self::Fixed(placement) => *placement,
+            Self::Fixed(placement) => placement.lift(proof),
             Self::Revolute { constant, cosine, sine, origin } => {
-                let (s, c) = q[0].sin_cos();
-                Transform::new(constant + cosine * c + sine * s, *origin)
+                let (s, c) = q[0].sine_and_cosine();
+                let (cosine, sine) = (matrix_lifted(proof, cosine), matrix_lifted(proof, sine));
+                let turned = matrix_sum(&matrix_lifted(proof, constant), &matrix_scaled(&cosine, c));
+                Transform::new(matrix_sum(&turned, &matrix_scaled(&sine, s)), lifted(proof, origin))
             }
-            Self::Prismatic { rotation, origin, direction } => {
-                Transform::new(*rotation, origin + direction * q[0])
-            }
+            Self::Prismatic { rotation, origin, direction } => Transform::new(
+                matrix_lifted(proof, rotation),
+                sum(&lifted(proof, origin), &scaled(&lifted(proof, direction), q[0])),
+            ),
             Self::Spherical(placement) => {
-                Transform::new(placement.rotation * rotation(q), placement.translation)
+                let Transform { rotation, translation } = placement.lift(proof);
+                Transform::new(product(&rotation, &matrix_of_xyzw(q)), translation)
             }
             Self::Planar(placement) => {
-                let (s, c) = q[2].sin_cos();
-                let (o, i) = (T::zero(), T::one());
+                let (s, c) = q[2].sine_and_cosine();
+                let (o, i) = (N::lift(proof, T::zero()), N::lift(proof, T::one()));
                 let turn = Matrix3::new(c, -s, o, s, c, o, o, o, i);
-                placement.compose(&Transform::new(turn, Vector3::new(q[0], q[1], o)))
+                placement.lift(proof).compose(&Transform::new(turn, Vector3::new(q[0], q[1], o)))
             }
             Self::Free(placement) => {
-                placement.compose(&Transform::new(rotation(&q[3..7]), Vector3::new(q[0], q[1], q[2])))
+                let moved = Transform::new(matrix_of_xyzw(&q[3..7]), Vector3::new(q[0], q[1], q[2]));
+                placement.lift(proof).compose(&moved)
             }
         }
     }

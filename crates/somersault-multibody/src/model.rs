@@ -8,7 +8,7 @@ use crate::link::Link;
 use crate::mimic::Mimic;
 use crate::spatial::{Direction, Motion, Transform};
 use nalgebra::Vector3;
-use somersault_core::Scalar;
+use somersault_core::scalar::{Lift, Scalar};
 use std::collections::HashMap;
 use std::ops::Range;
 use std::sync::Arc;
@@ -241,15 +241,26 @@ impl<T: Scalar> Model<T> {
     /// S v: the velocity of body `i` relative to its parent, in body axes.
     #[inline(always)]
     pub(crate) fn relative(&self, body: &Body<T>, v: &[T]) -> Motion<T> {
-        self.own_motion(body, &v[body.dofs.clone()])
+        self.relative_in((), body, v)
     }
 
     /// The same of the numbers of the joint alone.
     #[inline(always)]
     pub(crate) fn own_motion(&self, body: &Body<T>, v: &[T]) -> Motion<T> {
-        let mut motion = Motion::zero();
+        self.own_motion_in((), body, v)
+    }
+
+    /// [`relative`](Self::relative) in other arithmetic.
+    #[inline(always)]
+    pub(crate) fn relative_in<N: Lift<T>>(&self, proof: N::Proof, body: &Body<T>, v: &[N]) -> Motion<N> {
+        self.own_motion_in(proof, body, &v[body.dofs.clone()])
+    }
+
+    #[inline(always)]
+    fn own_motion_in<N: Lift<T>>(&self, proof: N::Proof, body: &Body<T>, v: &[N]) -> Motion<N> {
+        let mut motion = Motion::zero().lift(proof);
         for (direction, &rate) in self.directions[body.dofs.clone()].iter().zip(v) {
-            direction.add_to(&mut motion, rate);
+            direction.lift(proof).add_to(&mut motion, rate);
         }
         motion
     }

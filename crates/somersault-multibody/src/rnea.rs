@@ -7,8 +7,9 @@ use crate::data::{Data, Node, TreeData};
 use crate::error::DynamicsError;
 use crate::model::Model;
 use crate::spatial::{Force, Motion};
-use somersault_core::Scalar;
+use nalgebra::Vector3;
 use somersault_core::argument::expect_length;
+use somersault_core::scalar::{Lift, Scalar};
 
 impl<T: Scalar> Model<T> {
     /// Joint forces that produce the acceleration `a`: τ = M(q) a + h(q, v) − Σ Jᵀ f_ext.
@@ -29,7 +30,7 @@ impl<T: Scalar> Model<T> {
         let Data { tree: TreeData { nodes, torque, .. }, room, .. } = data;
         let q = self.spread_positions(q, &mut room.q);
         let (v, a) = (self.spread(v, &mut room.v), self.spread(a, &mut room.a));
-        self.newton_euler::<true>(nodes, torque, q, v, a, wrenches);
+        self.newton_euler::<true, T>((), nodes, torque, q, v, a, wrenches);
         Ok(self.gather(torque, &mut room.torque))
     }
 
@@ -39,7 +40,7 @@ impl<T: Scalar> Model<T> {
         self.expect_state(data, q, v)?;
         let Data { tree: TreeData { nodes, torque, zeros, .. }, room, .. } = data;
         let (q, v) = (self.spread_positions(q, &mut room.q), self.spread(v, &mut room.v));
-        self.newton_euler::<true>(nodes, torque, q, v, zeros, &[]);
+        self.newton_euler::<true, T>((), nodes, torque, q, v, zeros, &[]);
         Ok(self.gather(torque, &mut room.torque))
     }
 
@@ -49,35 +50,39 @@ impl<T: Scalar> Model<T> {
         expect_length("q", q.len(), self.n_positions())?;
         let Data { tree: TreeData { nodes, torque, zeros, .. }, room, .. } = data;
         let q = self.spread_positions(q, &mut room.q);
-        self.newton_euler::<false>(nodes, torque, q, zeros, zeros, &[]);
+        self.newton_euler::<false, T>((), nodes, torque, q, zeros, zeros, &[]);
         Ok(self.gather(torque, &mut room.torque))
     }
 
     /// `MOVES` is false where v and a are zero.
-    fn newton_euler<const MOVES: bool>(
+    #[inline(always)]
+    pub(crate) fn newton_euler<const MOVES: bool, N: Lift<T>>(
         &self,
-        nodes: &mut [Node<T>],
-        torque: &mut [T],
-        q: &[T],
-        v: &[T],
-        a: &[T],
-        wrenches: &[Force<T>],
+        proof: N::Proof,
+        nodes: &mut [Node<N>],
+        torque: &mut [N],
+        q: &[N],
+        v: &[N],
+        a: &[N],
+        wrenches: &[Force<N>],
     ) {
-        let world = Motion::new(-self.gravity, nalgebra::Vector3::zeros());
+        let world = Motion::new(-self.gravity, Vector3::zeros()).lift(proof);
+        let rest = Motion::zero().lift(proof);
         for (i, body) in self.bodies.iter().enumerate() {
             let (outer_velocity, outer_acceleration) =
-                body.parent.map_or((Motion::zero(), world), |p| (nodes[p].velocity, nodes[p].acceleration));
+                body.parent.map_or((rest, world), |p| (nodes[p].velocity, nodes[p].acceleration));
+            let inertia = body.inertia.lift(proof);
             let node = &mut nodes[i];
-            node.local = body.mechanism.transform(&q[body.q..]);
+            node.local = body.mechanism.transform_in(proof, &q[body.q..]);
             node.acceleration = node.local.inverse_motion(&outer_acceleration);
             if MOVES {
-                let relative = self.relative(body, v);
+                let relative = self.relative_in(proof, body, v);
                 node.velocity = node.local.inverse_motion(&outer_velocity) + relative;
-                node.acceleration += node.velocity.cross(&relative) + self.relative(body, a);
-                let momentum = body.inertia.times(&node.velocity);
-                node.force = body.inertia.times(&node.acceleration) + node.velocity.cross_force(&momentum);
+                node.acceleration += node.velocity.cross(&relative) + self.relative_in(proof, body, a);
+                let momentum = inertia.times(&node.velocity);
+                node.force = inertia.times(&node.acceleration) + node.velocity.cross_force(&momentum);
             } else {
-                node.force = body.inertia.times(&node.acceleration);
+                node.force = inertia.times(&node.acceleration);
             }
             if let Some(wrench) = wrenches.get(i) {
                 node.force -= *wrench;
@@ -86,7 +91,8 @@ impl<T: Scalar> Model<T> {
         for (i, body) in self.bodies.iter().enumerate().rev() {
             let force = nodes[i].force;
             for k in body.dofs.clone() {
-                torque[k] = self.directions[k].dot(&force) + self.damping[k] * v[k];
+                let damping = N::lift(proof, self.damping[k]);
+                torque[k] = self.directions[k].lift(proof).dot(&force) + damping * v[k];
             }
             if let Some(parent) = body.parent {
                 let carried = nodes[i].local.force(&force);

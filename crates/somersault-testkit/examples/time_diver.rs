@@ -1,23 +1,37 @@
 //! Times the dynamics of the spatial diver: `cargo run --release -p somersault-testkit --example time_diver`.
 //!
-//! Prints a name and the least microseconds per call on each line, in the same way as `benches/peers/pinocchio.cpp`;
-//! with the argument `urdf` prints the diver as URDF instead. For statistics see `benches/multibody.rs`.
+//! Prints a name and the least microseconds per call on each line, of a state where a call takes many, in the same way
+//! as `benches/peers/pinocchio.cpp`; with the argument `urdf` prints the diver as URDF instead. For statistics see
+//! `benches/multibody.rs`.
 
-use somersault_multibody::{Data, DerivativeData, DynamicsError, urdf};
+use somersault_multibody::{Data, DerivativeData, DynamicsError, LaneData, urdf};
 use somersault_testkit::trees::{State, diver};
 use std::error::Error;
 use std::hint::black_box;
 use std::time::Instant;
 
+/// States of a call that takes many.
+const STATES: usize = 256;
+
 /// The least time of a call over 200 samples of 200 calls, μs.
-fn report(name: &str, mut call: impl FnMut() -> Result<(), DynamicsError>) -> Result<(), DynamicsError> {
+fn report(name: &str, call: impl FnMut() -> Result<(), DynamicsError>) -> Result<(), DynamicsError> {
+    report_of(name, 200, 1, call)
+}
+
+/// The least time of a state over 200 samples of `calls` calls for `states` of them, μs.
+fn report_of(
+    name: &str,
+    calls: usize,
+    states: usize,
+    mut call: impl FnMut() -> Result<(), DynamicsError>,
+) -> Result<(), DynamicsError> {
     let mut best = f64::INFINITY;
     for _ in 0..200 {
         let start = Instant::now();
-        for _ in 0..200 {
+        for _ in 0..calls {
             call()?;
         }
-        best = best.min(start.elapsed().as_secs_f64() / 200.0);
+        best = best.min(start.elapsed().as_secs_f64() / (calls * states) as f64);
     }
     println!("{name} {:.4}", best * 1e6);
     Ok(())
@@ -42,6 +56,15 @@ fn main() -> Result<(), Box<dyn Error>> {
     })?;
     report("aba_partials", || {
         model.forward_dynamics_partials(&mut work, black_box(&q), &v, &torque, &[]).map(|x| _ = black_box(x))
+    })?;
+    let many = |x: &[f64]| x.repeat(STATES);
+    let (q, v, a, torque) = (many(&q), many(&v), many(&a), many(&torque));
+    let (mut lanes, mut out) = (LaneData::new(&model), torque.clone());
+    report_of("rnea_many", 1, STATES, || {
+        model.inverse_dynamics_many(&mut lanes, black_box(&q), &v, &a, &[], &mut out)
+    })?;
+    report_of("aba_many", 1, STATES, || {
+        model.forward_dynamics_many(&mut lanes, black_box(&q), &v, &torque, &[], &mut out)
     })?;
     Ok(())
 }

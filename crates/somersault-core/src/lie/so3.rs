@@ -7,13 +7,34 @@
 use super::even::{
     cos_sinc, cotangent_ratio, cotangent_ratio_slope, horner, ratio_slopes, sine_defect_ratio, versine_ratio,
 };
-use crate::scalar::{Scalar, constant};
+use crate::scalar::{Arithmetic, Scalar, constant};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 
 /// The rotation whose quaternion, of unit norm, is stored as x, y, z, w.
 #[inline(always)]
 pub fn from_xyzw<T: Scalar>(numbers: &[T]) -> UnitQuaternion<T> {
     UnitQuaternion::new_unchecked(Quaternion::new(numbers[3], numbers[0], numbers[1], numbers[2]))
+}
+
+/// The rotation matrix of the quaternion of unit norm that is stored as x, y, z, w.
+#[inline(always)]
+pub fn matrix_of_xyzw<T: Arithmetic>(numbers: &[T]) -> Matrix3<T> {
+    let [x, y, z, w] = [numbers[0], numbers[1], numbers[2], numbers[3]];
+    let twice = |a: T| a + a;
+    let (ww, xx, yy, zz) = (w * w, x * x, y * y, z * z);
+    let (xy, xz, yz) = (twice(x * y), twice(x * z), twice(y * z));
+    let (wx, wy, wz) = (twice(w * x), twice(w * y), twice(w * z));
+    Matrix3::new(
+        ww + xx - yy - zz,
+        xy - wz,
+        wy + xz,
+        wz + xy,
+        ww - xx + yy - zz,
+        yz - wx,
+        xz - wy,
+        wx + yz,
+        ww - xx - yy + zz,
+    )
 }
 
 /// The rotation whose quaternion is stored as x, y, z, w, of any norm but zero.

@@ -36,8 +36,17 @@
 //! Munthe-Kaas, *High order Runge–Kutta methods on manifolds*, Appl. Numer. Math. 29 (1999);
 //! Iserles, Munthe-Kaas, Nørsett and Zanna, *Lie-group methods*, Acta Numerica 9 (2000).
 
-use super::lanes::{Kernel, Lanes, Row, TILE};
 use core::f64::consts::{FRAC_1_PI, FRAC_PI_2, FRAC_PI_4, PI};
+use somersault_core::lanes::{Kernel, Lanes};
+
+/// Bodies in one tile: eight AVX-512 vectors, enough independent work to hide the latency of an
+/// operation.
+pub(super) const TILE: usize = 64;
+
+/// One quantity of all bodies of a tile.
+#[derive(Clone, Copy)]
+#[repr(align(64))]
+struct Row([f64; TILE]);
 
 /// The state of up to [`TILE`] bodies and what their steps need.
 ///
@@ -99,6 +108,8 @@ impl Tile {
 
 /// All steps of all bodies of a tile.
 impl Kernel for &mut Tile {
+    type Output = ();
+
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
         let (least, largest) = self.steps_range;
@@ -112,7 +123,7 @@ impl Kernel for &mut Tile {
         for done in least..largest {
             let done = lanes.splat(done as f64);
             for at in (0..TILE).step_by(L::WIDTH) {
-                let moves = lanes.less(done, lanes.load(&self.steps, at));
+                let moves = lanes.less(done, lanes.load(&self.steps.0[at..at + L::WIDTH]));
                 let (v, q) = step(lanes, self, at);
                 let v = select(lanes, moves, v, load(lanes, &self.v, at));
                 let q = select(lanes, moves, q, load(lanes, &self.q, at));
@@ -127,7 +138,7 @@ impl Kernel for &mut Tile {
 fn load<L: Lanes, const N: usize>(l: L, rows: &[Row; N], at: usize) -> [L::Vector; N] {
     let mut x = [l.splat(0.0); N];
     for i in 0..N {
-        x[i] = l.load(&rows[i], at);
+        x[i] = l.load(&rows[i].0[at..at + L::WIDTH]);
     }
     x
 }
@@ -135,7 +146,7 @@ fn load<L: Lanes, const N: usize>(l: L, rows: &[Row; N], at: usize) -> [L::Vecto
 #[inline(always)]
 fn store<L: Lanes, const N: usize>(l: L, x: [L::Vector; N], rows: &mut [Row; N], at: usize) {
     for i in 0..N {
-        l.store(x[i], &mut rows[i], at);
+        l.store(x[i], &mut rows[i].0[at..at + L::WIDTH]);
     }
 }
 

@@ -33,10 +33,8 @@
 //! ```
 
 mod free;
-#[allow(unsafe_code)]
-mod lanes;
 
-pub use lanes::InstructionSet;
+pub use somersault_core::lanes::InstructionSet;
 
 use crate::body::RigidBody;
 use crate::driver::{IntegrateError, Outcome, Steps, TimeGrid};
@@ -45,8 +43,7 @@ use crate::methods::{Forms, Method, Options};
 use crate::run::Run;
 use crate::state::RigidBodyState;
 use crate::system::{StateOf, System};
-use free::Tile;
-use lanes::TILE;
+use free::{TILE, Tile};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 use std::cmp::Reverse;

@@ -33,6 +33,7 @@
 //! [`IntegrateError::Fault`]: somersault_integrators::driver::IntegrateError::Fault
 
 mod bounds;
+mod ensemble;
 mod forces;
 mod linearized;
 mod profile;
@@ -44,6 +45,7 @@ mod workspace;
 
 pub use crate::coordinates::{Coordinates, Rates};
 pub use bounds::{LinkBound, LinkBounds, mobility_bound};
+pub use ensemble::{EnsembleWorkspace, TreeEnsemble};
 pub use forces::{BodyWrenches, Driven, JointDrive, TreeForces};
 pub use profile::{Between, Knots, TorqueProfile};
 pub use state::TreeState;

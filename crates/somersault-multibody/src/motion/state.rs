@@ -25,10 +25,24 @@ impl Model {
         let mut q = q.to_vec();
         self.normalize(&mut q)?;
         let mut rates = v.to_vec();
-        self.turn_linear_parts(&q, &mut rates, |turn, part, _| turn * part);
-        let layout = Layout::new(self.own_joints().flat_map(factors));
-        let (configuration, rate) = layout.state(q, rates);
+        self.rates_of(&q, &mut rates);
+        let (configuration, rate) = Layout::new(self.factors()).state(q, rates);
         Ok(State { configuration, rate })
+    }
+
+    /// The factors of the group of positions, in the order of q.
+    pub(crate) fn factors(&self) -> impl Iterator<Item = Factor> {
+        self.own_joints().flat_map(factors)
+    }
+
+    /// Turns joint velocities into rates; lengths must fit.
+    pub(crate) fn rates_of(&self, q: &[f64], v: &mut [f64]) {
+        self.turn_linear_parts(q, v, |turn, part, _| turn * part);
+    }
+
+    /// Turns rates into joint velocities; lengths must fit.
+    pub(crate) fn joint_velocities_of(&self, q: &[f64], rates: &mut [f64]) {
+        self.turn_linear_parts(q, rates, |turn, part, _| turn.inverse() * part);
     }
 
     /// out ← v, the joint velocities of a state.
@@ -47,7 +61,7 @@ impl Model {
         expect_length("rates of x", rates.len(), self.n_velocities())?;
         expect_length("out", out.len(), self.n_velocities())?;
         out.copy_from_slice(rates);
-        self.turn_linear_parts(q, out, |turn, part, _| turn.inverse() * part);
+        self.joint_velocities_of(q, out);
         Ok(())
     }
 

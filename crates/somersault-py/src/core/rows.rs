@@ -76,12 +76,6 @@ impl<'py> Rows<'py> {
         }
     }
 
-    /// Row `i`, or the one that stands for all.
-    fn pick<'a>(&self, all: &'a [f64], i: usize) -> &'a [f64] {
-        let i = if self.count.is_some() { i } else { 0 };
-        &all[i * self.length..(i + 1) * self.length]
-    }
-
     /// Whether rows were given as many.
     pub(crate) fn is_many(&self) -> bool {
         self.count.is_some()
@@ -157,6 +151,28 @@ impl Results {
     }
 }
 
+/// The rows of one argument in a block of them, or the one that stands for all.
+#[derive(Clone, Copy)]
+pub(crate) struct Block<'a> {
+    pub(crate) numbers: &'a [f64],
+    length: usize,
+    many: bool,
+}
+
+impl<'a> Block<'a> {
+    fn row(&self, i: usize) -> &'a [f64] {
+        self.rows(i, 1).numbers
+    }
+
+    /// Some of them.
+    fn rows(&self, first: usize, count: usize) -> Self {
+        if !self.many {
+            return *self;
+        }
+        Self { numbers: &self.numbers[first * self.length..(first + count) * self.length], ..*self }
+    }
+}
+
 /// Evaluates a function at every row of its arguments, many in parallel and without the interpreter.
 ///
 /// `length` is that of a row of the result, `work` measures an evaluation: bodies, say. Results do not
@@ -173,41 +189,64 @@ pub(crate) fn map<W, E, const N: usize>(
 where
     E: Into<Error> + Send,
 {
+    map_blocks(
+        py,
+        arguments,
+        (length, 1),
+        work,
+        workspaces,
+        make,
+        |w: &mut W, blocks: [Block<'_>; N], out| {
+            out.chunks_mut(length.max(1)).enumerate().try_for_each(|(i, out)| {
+                evaluate(w, blocks.map(|block| block.row(i)), out).map_err(|error| (i, error))
+            })
+        },
+    )
+}
+
+/// The same with a function of a block of rows, which says what is wrong with which; blocks have a multiple of `lanes` rows
+/// but for the last one.
+pub(crate) fn map_blocks<W, E, const N: usize>(
+    py: Python<'_>,
+    arguments: [&Rows<'_>; N],
+    (length, lanes): (usize, usize),
+    work: usize,
+    workspaces: &Workspaces<W>,
+    make: impl Fn() -> W + Sync,
+    evaluate: impl Fn(&mut W, [Block<'_>; N], &mut [f64]) -> Result<(), (usize, E)> + Sync,
+) -> Result<Results, Error>
+where
+    E: Into<Error> + Send,
+{
     let count = common_count(&arguments)?;
     let mut numbers = [&[][..]; N];
     for (numbers, rows) in numbers.iter_mut().zip(&arguments) {
         *numbers = rows.all()?;
     }
+    // Python objects stay here; threads see what the rows are made of.
+    let all: [_; N] = std::array::from_fn(|k| Block {
+        numbers: numbers[k],
+        length: arguments[k].length,
+        many: arguments[k].is_many(),
+    });
     let mut values = zeros("the results of so many rows", &[count.unwrap_or(1), length])?;
     let Some(n) = count else {
-        let rows = std::array::from_fn(|k| arguments[k].pick(numbers[k], 0));
         let mut workspace = workspaces.take().unwrap_or_else(make);
-        let evaluated = evaluate(&mut workspace, rows, &mut values);
+        let evaluated = evaluate(&mut workspace, all, &mut values);
         workspaces.give_back(workspace);
-        evaluated.map_err(Into::into)?;
+        evaluated.map_err(|(_, error)| error.into())?;
         return Ok(Results { values, count, length });
     };
-    // Python objects stay here; threads see what the rows are made of.
-    let layout = arguments.map(|rows| (rows.is_many(), rows.length));
-    let row = |i: usize| {
-        std::array::from_fn(|k| {
-            let (many, length) = layout[k];
-            let start = if many { i * length } else { 0 };
-            &numbers[k][start..start + length]
-        })
-    };
-    let per_look = (WORK_PER_LOOK / work.max(1)).max(1);
-    let per_block = (WORK_PER_BLOCK / work.max(1)).max(1);
+    let per_look = (WORK_PER_LOOK / work.max(1)).max(1).next_multiple_of(lanes);
+    let per_block = (WORK_PER_BLOCK / work.max(1)).max(1).next_multiple_of(lanes);
     let mut first = 0;
     while first < n && length > 0 {
         let last = (first + per_look).min(n);
         let part = &mut values[first * length..last * length];
-        let block = |w: &mut W, (b, block): (usize, &mut [f64])| {
+        let block = |w: &mut W, (b, out): (usize, &mut [f64])| {
             let start = first + b * per_block;
-            block
-                .chunks_mut(length)
-                .enumerate()
-                .find_map(|(i, out)| evaluate(w, row(start + i), out).err().map(|error| (start + i, error)))
+            let blocks = all.map(|block| block.rows(start, out.len() / length));
+            evaluate(w, blocks, out).err().map(|(i, error)| (start + i, error))
         };
         let failure = together(py, || {
             let blocks = part.par_chunks_mut(per_block * length).enumerate();

@@ -64,10 +64,8 @@ impl Model {
         let (q, v, a, wrenches) =
             (self.q("q", q)?, self.v("v", v)?, self.v("a", a)?, self.wrenches(wrenches)?);
         let n = self.model.n_velocities();
-        let torque = self.map(py, [&q, &v, &a, &wrenches], n, |w, [q, v, a, f], out| {
-            w.take_wrenches(f);
-            out.copy_from_slice(self.model.inverse_dynamics(&mut w.data, q, v, a, &w.wrenches)?);
-            Ok(())
+        let torque = self.map_lanes(py, [&q, &v, &a, &wrenches], n, |data, [q, v, a, f], out| {
+            self.model.inverse_dynamics_many(data, q, v, a, f, out)
         })?;
         Ok(torque.array(py, &[n])?)
     }
@@ -108,10 +106,8 @@ impl Model {
         let (q, v) = (self.q("q", q)?, self.v("v", v)?);
         let (torque, wrenches) = (self.v("torque", torque)?, self.wrenches(wrenches)?);
         let n = self.model.n_velocities();
-        let a = self.map(py, [&q, &v, &torque, &wrenches], n, |w, [q, v, torque, f], out| {
-            w.take_wrenches(f);
-            out.copy_from_slice(self.model.forward_dynamics(&mut w.data, q, v, torque, &w.wrenches)?);
-            Ok(())
+        let a = self.map_lanes(py, [&q, &v, &torque, &wrenches], n, |data, [q, v, torque, f], out| {
+            self.model.forward_dynamics_many(data, q, v, torque, f, out)
         })?;
         Ok(a.array(py, &[n])?)
     }

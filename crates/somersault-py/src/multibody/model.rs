@@ -2,13 +2,13 @@
 
 use crate::core::convert::{a_type, sequence, vector_array, vector_or};
 use crate::core::error::{Error, did_you_mean};
-use crate::core::rows::{self, Results, Rows, Workspaces};
+use crate::core::rows::{self, Block, Results, Rows, Workspaces};
 use crate::core::value::{Pickled, brief, by_restore, counted, digits, few, value};
 use crate::multibody::link::Link;
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PySlice, PyType};
 use somersault::integrators::nalgebra::{DMatrix, Quaternion, UnitQuaternion, Vector3};
-use somersault::multibody::{self, Data, DerivativeData, DynamicsError, Force, JointKind, Turning};
+use somersault::multibody::{self, Data, DerivativeData, DynamicsError, Force, JointKind, LaneData, Turning};
 use std::f64::consts::PI;
 use std::ops::Range;
 
@@ -20,8 +20,9 @@ pub(crate) struct Workspace {
     pub(crate) data: Data,
     pub(crate) wrenches: Vec<Force<f64>>,
     pub(crate) jacobian: DMatrix<f64>,
-    /// Made when it is first needed.
+    /// Made when they are first needed.
     pub(crate) derivatives: Option<DerivativeData>,
+    lanes: Option<LaneData>,
 }
 
 impl Workspace {
@@ -31,6 +32,7 @@ impl Workspace {
             wrenches: Vec::with_capacity(model.n_bodies()),
             jacobian: DMatrix::zeros(6, model.n_velocities()),
             derivatives: None,
+            lanes: None,
         }
     }
 
@@ -46,8 +48,8 @@ impl Workspace {
 ///
 /// Every function takes one configuration or many: where arguments have an axis in front, the result has it
 /// too, and arguments without it stand for all. Many are computed in parallel while other Python threads
-/// run, and each as it would be alone, to the last bit. Arrays of float64 in the order of C are read in
-/// place.
+/// run, and each as it would be alone, to the last bit; of inverse and forward dynamics several at a time in
+/// vector instructions. Arrays of float64 in the order of C are read in place.
 ///
 /// q has `n_positions` numbers, v, accelerations and joint forces `n_velocities`, by joints in the order of
 /// the bodies (see `Link`). Velocities of a joint are in the axes of its body, linear before angular.
@@ -157,6 +159,26 @@ impl Model {
     ) -> Result<Results, Error> {
         let workspace = || Workspace::new(&self.model);
         rows::map(py, arguments, length, self.model.n_bodies(), &self.workspaces, workspace, evaluate)
+    }
+
+    /// Evaluates at every row, several in lanes; `length` is that of a row of the result.
+    pub(crate) fn map_lanes<const N: usize>(
+        &self,
+        py: Python<'_>,
+        arguments: [&Rows<'_>; N],
+        length: usize,
+        evaluate: impl Fn(&mut LaneData, [&[f64]; N], &mut [f64]) -> Result<(), DynamicsError> + Sync,
+    ) -> Result<Results, Error> {
+        let workspace = || Workspace::new(&self.model);
+        let evaluate = |w: &mut Workspace, blocks: [Block<'_>; N], out: &mut [f64]| {
+            let lanes = w.lanes.get_or_insert_with(|| LaneData::new(&self.model));
+            evaluate(lanes, blocks.map(|block| block.numbers), out).map_err(|error| match error {
+                DynamicsError::InState { index, source } => (index, *source),
+                error => (0, error),
+            })
+        };
+        let (work, size) = (self.model.n_bodies(), (length, LaneData::MOST));
+        rows::map_blocks(py, arguments, size, work, &self.workspaces, workspace, evaluate)
     }
 }
 

@@ -1,38 +1,37 @@
 //! Several `f64` at once: one small trait, three implementations, and the choice among them.
 //!
-//! A kernel written over [`Lanes`] is compiled three times: for AVX-512F (eight lanes), for AVX2
+//! A [`Kernel`] written over [`Lanes`] is compiled three times: for AVX-512F (eight lanes), for AVX2
 //! with FMA (four) and for plain `f64` (one lane, any processor). Every operation of the trait is
 //! rounded once, as IEEE 754 prescribes, on each of them (the fused multiply–add included), so the
-//! three give the same bits for the same sequence of operations.
+//! three give the same bits for the same sequence of operations. [`Packed`] has the operators of a number, for
+//! formulas that are generic over [`Arithmetic`].
 //!
-//! A value of type [`Avx512`] or [`Avx2`] is the proof that the processor has these instructions:
+//! A value of a type that implements [`Lanes`] is the proof that the processor has its instructions:
 //! [`InstructionSet`] alone makes them, after asking the processor. All `unsafe` code of the crate
 //! is in this file.
 
-/// Bodies in one tile: eight AVX-512 vectors, enough independent work to hide the latency of an
-/// operation.
-pub(super) const TILE: usize = 64;
+use crate::scalar::{Arithmetic, Lift};
+use core::fmt::Debug;
+use core::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-/// One quantity of all bodies of a tile.
-#[derive(Clone, Copy)]
-#[repr(align(64))]
-pub(super) struct Row(pub(super) [f64; TILE]);
+/// The most lanes there are.
+pub const WIDEST: usize = 8;
 
 /// Arithmetic on [`WIDTH`](Self::WIDTH) numbers at once.
-pub(super) trait Lanes: Copy {
+pub trait Lanes: Copy + Debug + Send + Sync + 'static {
     /// The numbers.
-    type Vector: Copy;
+    type Vector: Copy + Debug + Send + Sync + 'static;
     /// One truth value for each of them.
     type Mask: Copy;
-    /// How many; divides [`TILE`].
+    /// How many: a power of two up to [`WIDEST`].
     const WIDTH: usize;
 
     /// `x` in every lane.
     fn splat(self, x: f64) -> Self::Vector;
-    /// The entries `at..at + WIDTH` of a row.
-    fn load(self, row: &Row, at: usize) -> Self::Vector;
+    /// The first entries, of at least as many as there are lanes.
+    fn load(self, entries: &[f64]) -> Self::Vector;
     /// Writes what [`load`](Self::load) reads.
-    fn store(self, x: Self::Vector, row: &mut Row, at: usize);
+    fn store(self, x: Self::Vector, entries: &mut [f64]);
     /// `a + b`
     fn add(self, a: Self::Vector, b: Self::Vector) -> Self::Vector;
     /// `a - b`
@@ -59,18 +58,145 @@ pub(super) trait Lanes: Copy {
     fn select(self, mask: Self::Mask, a: Self::Vector, b: Self::Vector) -> Self::Vector;
 }
 
+/// A number in each lane, with the operators of a scalar.
+#[derive(Debug, Clone, Copy)]
+pub struct Packed<L: Lanes> {
+    lanes: L,
+    vector: L::Vector,
+}
+
+impl<L: Lanes> Packed<L> {
+    /// The first entries, of at least as many as there are lanes.
+    #[inline(always)]
+    pub fn load(lanes: L, entries: &[f64]) -> Self {
+        Self { lanes, vector: lanes.load(entries) }
+    }
+
+    /// Writes what [`load`](Self::load) reads.
+    #[inline(always)]
+    pub fn store(self, entries: &mut [f64]) {
+        self.lanes.store(self.vector, entries);
+    }
+
+    /// The numbers, and zeros after the last lane.
+    #[inline(always)]
+    fn numbers(self) -> [f64; WIDEST] {
+        let mut numbers = [0.0; WIDEST];
+        self.store(&mut numbers);
+        numbers
+    }
+
+    #[inline(always)]
+    fn with(self, vector: L::Vector) -> Self {
+        Self { vector, ..self }
+    }
+}
+
+impl<L: Lanes> PartialEq for Packed<L> {
+    fn eq(&self, other: &Self) -> bool {
+        self.numbers() == other.numbers()
+    }
+}
+
+impl<L: Lanes> Add for Packed<L> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        self.with(self.lanes.add(self.vector, other.vector))
+    }
+}
+
+impl<L: Lanes> Sub for Packed<L> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        self.with(self.lanes.sub(self.vector, other.vector))
+    }
+}
+
+impl<L: Lanes> Mul for Packed<L> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        self.with(self.lanes.mul(self.vector, other.vector))
+    }
+}
+
+impl<L: Lanes> Div for Packed<L> {
+    type Output = Self;
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        self.with(self.lanes.div(self.vector, other.vector))
+    }
+}
+
+impl<L: Lanes> Neg for Packed<L> {
+    type Output = Self;
+    /// −0 − x has the other sign of x, zeros included.
+    #[inline(always)]
+    fn neg(self) -> Self {
+        self.with(self.lanes.sub(self.lanes.splat(-0.0), self.vector))
+    }
+}
+
+impl<L: Lanes> AddAssign for Packed<L> {
+    #[inline(always)]
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+impl<L: Lanes> SubAssign for Packed<L> {
+    #[inline(always)]
+    fn sub_assign(&mut self, other: Self) {
+        *self = *self - other;
+    }
+}
+
+impl<L: Lanes> Arithmetic for Packed<L> {
+    /// Those of the standard library, so that a lane has the bits of a scalar.
+    #[inline(always)]
+    fn sine_and_cosine(self) -> (Self, Self) {
+        let (mut sines, mut cosines) = (self.numbers(), [0.0; WIDEST]);
+        for k in 0..L::WIDTH {
+            (sines[k], cosines[k]) = sines[k].sin_cos();
+        }
+        (Self::load(self.lanes, &sines), Self::load(self.lanes, &cosines))
+    }
+
+    #[inline(always)]
+    fn exceeds(self, bound: Self) -> bool {
+        let l = self.lanes;
+        let (above, finite) =
+            (l.less(bound.vector, self.vector), l.less(self.vector, l.splat(f64::INFINITY)));
+        l.all(above) && l.all(finite)
+    }
+}
+
+impl<L: Lanes> Lift<f64> for Packed<L> {
+    type Proof = L;
+
+    #[inline(always)]
+    fn lift(lanes: L, constant: f64) -> Self {
+        Self { lanes, vector: lanes.splat(constant) }
+    }
+}
+
 /// Work that can be done with any [`Lanes`].
 ///
 /// `run` must be `#[inline(always)]`, as must everything it calls: only code inlined into the
 /// functions below is compiled for the wider instructions.
-pub(super) trait Kernel {
-    fn run<L: Lanes>(self, lanes: L);
+pub trait Kernel {
+    /// What it leaves.
+    type Output;
+    /// Does the work.
+    fn run<L: Lanes>(self, lanes: L) -> Self::Output;
 }
 
-/// The vector instructions a batch is integrated with. All give the same bits.
+/// The vector instructions that a batch is computed with. All give the same bits.
 ///
 /// ```
-/// use somersault_integrators::batch::InstructionSet;
+/// use somersault_core::lanes::InstructionSet;
 /// assert!(InstructionSet::supported().any(|set| set == InstructionSet::detect()));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -113,7 +239,7 @@ impl InstructionSet {
     }
 
     /// Runs a kernel compiled for these instructions.
-    pub(super) fn run(self, kernel: impl Kernel) {
+    pub fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self.0 {
             Set::Portable => kernel.run(Portable),
             // SAFETY: an `Avx2` exists only where `Avx2::detect` found AVX2 and FMA.
@@ -128,7 +254,7 @@ impl InstructionSet {
 
 /// One lane, on any processor. Where the target has no fused multiply–add the standard library
 /// emulates it: slow, but rounded once as everywhere.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 struct Portable;
 
 impl Lanes for Portable {
@@ -141,12 +267,12 @@ impl Lanes for Portable {
         x
     }
     #[inline(always)]
-    fn load(self, row: &Row, at: usize) -> f64 {
-        row.0[at]
+    fn load(self, entries: &[f64]) -> f64 {
+        entries[0]
     }
     #[inline(always)]
-    fn store(self, x: f64, row: &mut Row, at: usize) {
-        row.0[at] = x;
+    fn store(self, x: f64, entries: &mut [f64]) {
+        entries[0] = x;
     }
     #[inline(always)]
     fn add(self, a: f64, b: f64) -> f64 {
@@ -203,19 +329,19 @@ use x86::{Avx2, Avx512};
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
-    use super::{Kernel, Lanes, Row};
+    use super::{Kernel, Lanes};
     use core::arch::x86_64::*;
 
     /// Compiles a kernel for AVX2 with FMA, which the processor must have.
     #[target_feature(enable = "avx2,fma")]
-    pub(super) fn run_avx2(kernel: impl Kernel, lanes: Avx2) {
-        kernel.run(lanes);
+    pub(super) fn run_avx2<K: Kernel>(kernel: K, lanes: Avx2) -> K::Output {
+        kernel.run(lanes)
     }
 
     /// Compiles a kernel for AVX-512F, which the processor must have.
     #[target_feature(enable = "avx512f")]
-    pub(super) fn run_avx512(kernel: impl Kernel, lanes: Avx512) {
-        kernel.run(lanes);
+    pub(super) fn run_avx512<K: Kernel>(kernel: K, lanes: Avx512) -> K::Output {
+        kernel.run(lanes)
     }
 
     /// Implements [`Lanes`] for a proof of instructions by one intrinsic per operation; the last
@@ -236,14 +362,14 @@ mod x86 {
                     unsafe { $splat(x) }
                 }
                 #[inline(always)]
-                fn load(self, row: &Row, at: usize) -> $vector {
-                    let entries = &row.0[at..at + $width];
+                fn load(self, entries: &[f64]) -> $vector {
+                    let entries = &entries[..$width];
                     // SAFETY: as in `splat`, and the slice has as many entries as are read.
                     unsafe { $load(entries.as_ptr()) }
                 }
                 #[inline(always)]
-                fn store(self, x: $vector, row: &mut Row, at: usize) {
-                    let entries = &mut row.0[at..at + $width];
+                fn store(self, x: $vector, entries: &mut [f64]) {
+                    let entries = &mut entries[..$width];
                     // SAFETY: as in `splat`, and the slice has as many entries as are written.
                     unsafe { $store(entries.as_mut_ptr(), x) }
                 }

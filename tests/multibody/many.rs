@@ -1,0 +1,251 @@
+//! Dynamics of many states at once, beside those of one.
+
+use crate::Torques;
+use nalgebra::{Matrix3, Vector3};
+use somersault::integrators::driver::IntegrateError;
+use somersault::integrators::methods::RungeKuttaMuntheKaas4;
+use somersault::multibody::motion::{BodyWrenches, TreeEnsemble, TreeForces, TreeSystem};
+use somersault::multibody::{
+    Data, DynamicsError, Force, Joint, LaneData, Link, MassProperties, Model, Velocities,
+};
+use somersault::prelude::*;
+use somersault_core::argument::ArgumentError;
+use somersault_core::lanes::InstructionSet;
+use somersault_testkit::trees::{Case, Random, State, cases, diver, geared_diver, random_configuration};
+
+/// States of a tree, one after the other.
+struct States {
+    q: Vec<f64>,
+    v: Vec<f64>,
+    input: Vec<f64>,
+    wrenches: Vec<f64>,
+}
+
+fn states(model: &Model, random: &mut Random, count: usize) -> States {
+    let n = model.n_velocities();
+    let mut q = Vec::new();
+    for _ in 0..count {
+        q.extend(random_configuration(random, model).unwrap());
+    }
+    let (v, input) = (random.numbers(count * n, 2.0), random.numbers(count * n, 5.0));
+    States { q, v, input, wrenches: random.numbers(count * 6 * model.n_bodies(), 5.0) }
+}
+
+fn bits(x: &[f64]) -> Vec<u64> {
+    x.iter().map(|x| x.to_bits()).collect()
+}
+
+/// Inverse and forward dynamics of each state alone; NaN where there is none.
+fn alone(model: &Model, states: &States, has_wrenches: bool) -> [Vec<f64>; 2] {
+    let (n_q, n, n_f) = (model.n_positions(), model.n_velocities(), 6 * model.n_bodies());
+    let mut data = Data::new(model);
+    let mut found = [Vec::new(), Vec::new()];
+    for i in 0..states.v.len() / n {
+        let row = |x: &'_ [f64], n: usize| x[i * n..(i + 1) * n].to_vec();
+        let (q, v, input) = (row(&states.q, n_q), row(&states.v, n), row(&states.input, n));
+        let force =
+            |f: &[f64]| Force::new(Vector3::from_column_slice(&f[..3]), Vector3::from_column_slice(&f[3..]));
+        let wrenches: Vec<_> = row(&states.wrenches, n_f).chunks(6).map(force).collect();
+        let wrenches = if has_wrenches { &wrenches[..] } else { &[] };
+        found[0].extend(model.inverse_dynamics(&mut data, &q, &v, &input, wrenches).unwrap());
+        match model.forward_dynamics(&mut data, &q, &v, &input, wrenches) {
+            Ok(a) => found[1].extend(a),
+            Err(_) => found[1].extend(vec![f64::NAN; n]),
+        }
+    }
+    found
+}
+
+/// Eleven states: whole groups of lanes and a part of one, with every set of instructions.
+#[test]
+fn rows_of_many_states_have_the_bits_that_they_have_alone() {
+    const COUNT: usize = 11;
+    for (seed, case) in cases(60).enumerate() {
+        let Case { model, mut random, .. } = case;
+        let n = model.n_velocities();
+        if n == 0 {
+            continue;
+        }
+        let states = states(&model, &mut random, COUNT);
+        for has_wrenches in [false, true] {
+            let wrenches = if has_wrenches { &states.wrenches[..] } else { &[] };
+            let expected = alone(&model, &states, has_wrenches);
+            for set in InstructionSet::supported() {
+                let mut data = LaneData::with_instructions(&model, set);
+                let States { q, v, input, .. } = &states;
+                let mut found = [vec![0.0; COUNT * n], vec![0.0; COUNT * n]];
+                model.inverse_dynamics_many(&mut data, q, v, input, wrenches, &mut found[0]).unwrap();
+                model.forward_dynamics_many(&mut data, q, v, input, wrenches, &mut found[1]).unwrap();
+                assert_eq!(
+                    found.each_ref().map(|x| bits(x)),
+                    expected.each_ref().map(|x| bits(x)),
+                    "seed {seed}, {}",
+                    set.name()
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn one_row_stands_for_all_states() {
+    let State { model, q, v, torque, .. } = diver();
+    let n = v.len();
+    let velocities: Vec<f64> = (0..5).flat_map(|i| v.iter().map(move |v| v * f64::from(i))).collect();
+    let mut found = vec![0.0; 5 * n];
+    let mut data = LaneData::new(&model);
+    model.forward_dynamics_many(&mut data, &q, &velocities, &torque, &[], &mut found).unwrap();
+    let mut data = Data::new(&model);
+    for (v, found) in velocities.chunks(n).zip(found.chunks(n)) {
+        assert_eq!(model.forward_dynamics(&mut data, &q, v, &torque, &[]).unwrap(), found);
+    }
+}
+
+#[test]
+fn joints_that_follow_others_have_many_states_too() {
+    let model = geared_diver().model;
+    let states = states(&model, &mut Random::new(5), 9);
+    let expected = alone(&model, &states, false);
+    let States { q, v, input, .. } = &states;
+    let mut data = LaneData::new(&model);
+    let mut found = [vec![0.0; v.len()], vec![0.0; v.len()]];
+    model.inverse_dynamics_many(&mut data, q, v, input, &[], &mut found[0]).unwrap();
+    model.forward_dynamics_many(&mut data, q, v, input, &[], &mut found[1]).unwrap();
+    assert_eq!(found, expected);
+}
+
+/// NaN in the fourth and the tenth of eleven states.
+#[test]
+fn a_state_without_a_result_does_not_touch_the_others() {
+    let model = diver().model;
+    let n = model.n_velocities();
+    let mut states = states(&model, &mut Random::new(6), 11);
+    for i in [3, 9] {
+        states.v[i * n + 8] = f64::NAN;
+    }
+    let expected = alone(&model, &states, false);
+    let States { q, v, input, .. } = &states;
+    for set in InstructionSet::supported() {
+        let mut data = LaneData::with_instructions(&model, set);
+        let mut found = [vec![0.0; v.len()], vec![0.0; v.len()]];
+        model.inverse_dynamics_many(&mut data, q, v, input, &[], &mut found[0]).unwrap();
+        model.forward_dynamics_many(&mut data, q, v, input, &[], &mut found[1]).unwrap();
+        for (found, expected) in found.iter().zip(&expected) {
+            for (i, (found, expected)) in found.chunks(n).zip(expected.chunks(n)).enumerate() {
+                assert_eq!(found.iter().any(|x| x.is_nan()), [3, 9].contains(&i), "{}", set.name());
+                assert!(found.iter().zip(expected).all(|(a, b)| a == b || a.is_nan() && b.is_nan()));
+            }
+        }
+    }
+}
+
+/// A slider, a hinge on it and a slider on that, which carries all mass: at the angle 0 both slide along one line.
+fn sliders() -> Model {
+    let slides = Joint::Prismatic { axis: Vector3::x() };
+    let turns = Joint::Revolute { axis: Vector3::z() };
+    let solid = MassProperties { mass: 1.0, center: Vector3::y(), inertia: Matrix3::identity() };
+    let mut builder = Model::builder();
+    builder.add(Link::root("slider", slides, MassProperties::massless())).unwrap();
+    builder.add(Link::child("arm", "slider", turns, MassProperties::massless())).unwrap();
+    builder.add(Link::child("bob", "arm", slides, solid)).unwrap();
+    builder.build().unwrap()
+}
+
+#[test]
+fn the_first_state_without_a_result_is_named() {
+    let model = sliders();
+    let q: Vec<f64> = [0.3, 0.7, 0.0, 0.4, 0.0, 0.1].into_iter().flat_map(|turn| [0.1, turn, 0.2]).collect();
+    let (mut data, mut found, zero) = (LaneData::new(&model), vec![0.0; q.len()], [0.0; 3]);
+    let error = model.forward_dynamics_many(&mut data, &q, &zero, &zero, &[], &mut found).unwrap_err();
+    let DynamicsError::InState { index: 2, source } = error else { panic!("{error}") };
+    assert_eq!(*source, DynamicsError::Singular { joint: "slider".to_owned() });
+    let missing: Vec<_> = found.chunks(3).map(|a| a.iter().all(|x| x.is_nan())).collect();
+    assert_eq!(missing, [false, false, true, false, true, false]);
+}
+
+#[test]
+fn lengths_of_many_states_must_fit() {
+    let State { model, q, v, torque, .. } = diver();
+    let n = v.len();
+    let mut data = LaneData::new(&model);
+    let mut out = vec![0.0; 3 * n];
+    let mut check =
+        |q: &[f64], v: &[f64], torque: &[f64], wrenches: &[f64], length: usize, argument: &str| {
+            let error = model
+                .forward_dynamics_many(&mut data, q, v, torque, wrenches, &mut out[..length])
+                .unwrap_err();
+            let DynamicsError::Argument(ArgumentError::Length { argument: found, .. }) = error else {
+                panic!("{error}")
+            };
+            assert_eq!(found, argument);
+        };
+    check(&q[1..], &v, &torque, &[], 3 * n, "q");
+    check(&q, &[v.clone(), v.clone()].concat(), &torque, &[], 3 * n, "v");
+    check(&q, &v, &torque[1..], &[], 3 * n, "torque");
+    check(&q, &v, &torque, &[0.0; 5], 3 * n, "wrenches");
+    check(&q, &v, &torque, &[], 3 * n - 1, "acceleration");
+    let mut foreign = LaneData::new(&geared_diver().model);
+    let error = model.forward_dynamics_many(&mut foreign, &q, &v, &torque, &[], &mut out);
+    assert_eq!(error, Err(DynamicsError::ForeignData));
+}
+
+/// Springs of their own on the joints of each copy, and a wrench on every body of one of them.
+#[test]
+fn copies_of_a_tree_move_as_each_does_alone() {
+    struct Spring {
+        stiffness: f64,
+        pushes: bool,
+    }
+
+    impl TreeForces for Spring {
+        fn add_torque(&self, _: f64, q: &[f64], v: &[f64], torque: &mut [f64]) {
+            for k in 6..torque.len() {
+                torque[k] -= self.stiffness * q[k + 1] + 0.01 * v[k];
+            }
+        }
+        fn wrenches(&self) -> Option<&dyn BodyWrenches> {
+            self.pushes.then_some(self)
+        }
+    }
+
+    impl BodyWrenches for Spring {
+        fn add_wrenches(&self, t: f64, bodies: &Velocities<'_>, wrenches: &mut [Force<f64>]) {
+            let push = 0.5 + t * bodies.velocity(0).unwrap().angular.x;
+            wrenches.iter_mut().for_each(|wrench| wrench.linear.z += push);
+        }
+    }
+
+    let model = diver().model;
+    let (n_q, n) = (model.n_positions(), model.n_velocities());
+    let States { q, v, .. } = states(&model, &mut Random::new(7), 5);
+    let forces = |i: usize| Box::new(Spring { stiffness: 0.1 * i as f64, pushes: i == 3 }) as Torques;
+    let grid = TimeGrid::try_new(0.0, 1e-3, 1e-4).unwrap();
+
+    let ensemble = TreeEnsemble::new(&model, (0..5).map(forces).collect::<Vec<_>>());
+    let start = ensemble.state(&q, &v).unwrap();
+    let end = Run::by_stepper(&ensemble, &RungeKuttaMuntheKaas4, grid).from(&start).unwrap().state;
+    let mut velocities = vec![0.0; 5 * n];
+    ensemble.joint_velocities(&end, &mut velocities).unwrap();
+
+    for i in 0..5 {
+        let system = TreeSystem::new(&model, forces(i));
+        let start = model.state(&q[i * n_q..][..n_q], &v[i * n..][..n]).unwrap();
+        let alone = Run::new(&system, Method::Rkmk, grid).from(&start).unwrap().state;
+        let mut own = vec![0.0; n];
+        model.joint_velocities(&alone, &mut own).unwrap();
+        assert_eq!(&end.configuration.as_slice()[i * n_q..][..n_q], alone.configuration.as_slice(), "{i}");
+        assert_eq!(&velocities[i * n..][..n], own, "{i}");
+    }
+}
+
+#[test]
+fn a_run_of_copies_names_the_one_without_an_acceleration() {
+    let model = sliders();
+    let nothing = |_: f64, _: &[f64], _: &[f64], _: &mut [f64]| {};
+    let ensemble = TreeEnsemble::new(&model, [0; 3].map(|_| Box::new(nothing) as Torques));
+    let start = ensemble.state(&[0.1, 0.3, 0.2, 0.1, 0.0, 0.2, 0.1, 0.4, 0.2], &[0.0; 9]).unwrap();
+    let grid = TimeGrid::try_new(0.0, 0.02, 2e-3).unwrap();
+    let error = Run::by_stepper(&ensemble, &RungeKuttaMuntheKaas4, grid).from(&start).unwrap_err();
+    assert!(matches!(error, IntegrateError::Fault { .. }), "{error}");
+    assert!(error.to_string().contains("state 1"), "{error}");
+}
