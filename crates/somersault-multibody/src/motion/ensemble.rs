@@ -19,7 +19,7 @@ use somersault_integrators::system::{Fault, OneForm, System};
 /// A run ends where a copy has no acceleration, with [`DynamicsError::InState`] as its fault.
 ///
 /// ```
-/// use somersault_integrators::{driver::TimeGrid, methods::Method, run::Run};
+/// use somersault_integrators::{driver::TimeGrid, methods::RungeKuttaMuntheKaas4, run::Run};
 /// use somersault_multibody::models::CartPendulum;
 /// use somersault_multibody::motion::TreeEnsemble;
 ///
@@ -28,7 +28,8 @@ use somersault_integrators::system::{Fault, OneForm, System};
 /// let spring = |k: f64| move |_: f64, q: &[f64], _: &[f64], torque: &mut [f64]| torque[0] -= k * q[0];
 /// let ensemble = TreeEnsemble::new(&model, [10.0, 20.0, 30.0, 40.0].map(spring));
 /// let start = ensemble.state(&[0.0, 0.1].repeat(4), &[0.0; 8])?;
-/// let end = Run::new(&ensemble, Method::Rkmk, TimeGrid::try_new(0.0, 2.0, 1e-3)?).from(&start)?;
+/// let grid = TimeGrid::try_new(0.0, 2.0, 1e-3)?;
+/// let end = Run::by_stepper(&ensemble, &RungeKuttaMuntheKaas4, grid).from(&start)?;
 /// let q = end.state.configuration.as_slice();
 /// assert!(q[1] > 0.1 && q[1] != q[7]);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
