@@ -91,6 +91,12 @@ def _order(info: somersault.MethodInfo, benign: str, *general: str) -> str:
     return configuration if configuration == rate else f"{configuration}; {rate}"
 
 
+def _steps(info: somersault.MethodInfo) -> str:
+    """How the steps of a method are chosen."""
+    adapted = "adapted" if info.embedded_order is not None else "doubled"
+    return f"fixed or {adapted}" if info.adaptive else "fixed"
+
+
 def _methods() -> str:
     """The table of methods."""
     lines = [
@@ -100,7 +106,7 @@ def _methods() -> str:
     for info in somersault.methods():
         translation = _order(info, "translation", *_GENERAL)
         rotation = _order(info, "rotation", "rotation_with_torque")
-        steps = "fixed or adapted" if info.adaptive else "fixed"
+        steps = _steps(info)
         solves = " and iterations" if info.implicit else ""
         lines.append(
             f"| `{info.name}` | {info.title} | {translation} | {rotation} | {info.dense_order}"

@@ -178,7 +178,7 @@ class Measurements:
                 )
             )
             for info in self.methods
-            if info.adaptive
+            if info.embedded_order is not None
         }
 
     @cached_property
@@ -192,7 +192,7 @@ class Measurements:
                 )
             )
             for info in self.methods
-            if info.adaptive
+            if info.embedded_order is not None
         }
 
     def _runs(self, problem: studies.Problem, name: str, coarsest: float, finest: float) -> Runs:

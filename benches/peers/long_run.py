@@ -119,7 +119,7 @@ def contenders() -> list[Contender]:
     for info in somersault.methods():
         if info.orders["rotation"] < 4:
             continue
-        if info.adaptive:
+        if info.embedded_order is not None:
             run = partial(_adaptive, info.name)
             ours.append(Contender(f"somersault {info.name}", "tolerance", TOLERANCES, run, _last_state))
         run = partial(_fixed, info.name)

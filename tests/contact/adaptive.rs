@@ -273,7 +273,7 @@ fn adapted_runs_refuse_bad_input() {
     };
     use IntegrateError::{Argument, Budget, InitialState, Interval, NoErrorEstimate};
     let good = tolerance(1e-8);
-    assert!(matches!(attempt(Method::Rk4, &start, (0.0, 1.0), good), NoErrorEstimate { method: "rk4" }));
+    assert!(matches!(attempt(Method::Ab2, &start, (0.0, 1.0), good), NoErrorEstimate { method: "ab2" }));
     for interval in [(1.0, 1.0), (1.0, 0.0), (0.0, f64::NAN)] {
         assert!(matches!(attempt(Method::Rkmk5, &start, interval, good), Interval { .. }));
     }

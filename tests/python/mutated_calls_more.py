@@ -221,7 +221,8 @@ motion.estimate_inertia(several, free(several).quaternion, noise=0.01, level=0.9
 stepper = somersault.Stepper(body, state, 0.0, 1.0, dt=0.1, forces=[spring])
 stepper.step()
 stepper.dense_output()
-stepper.set_state(state)
+stepper.set_state(state, stretches=None)
+somersault.Stepper(body, state, 0.0, 1.0, dt=0.1, contacts=[touch], events=lambda t, now: t - 0.5)
 stepper.set_forces([spring])
 integrators.method("rkmk")
 integrators.methods()["rkmk"]

@@ -129,7 +129,7 @@ def test_methods_without_torque() -> None:
 
 
 def test_methods_without_an_error_estimate_need_a_step() -> None:
-    raises(errors.InputError, "method `rk4` has no error estimate", lambda: run(method="rk4", dt=None))
+    raises(errors.InputError, "method `ab2` has no error estimate", lambda: run(method="ab2", dt=None))
 
 
 def test_choices_name_what_is_allowed() -> None:

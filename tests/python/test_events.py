@@ -366,6 +366,46 @@ def test_contacts_and_knots_of_trees_run_forwards_only() -> None:
         multibody.integrate_tree(multibody.cart_pendulum(), [0, 0], [0, 0], (0.1, 0.0), torque=push)
 
 
+# ------------------------------------------------------------------------------------------ certified events
+
+
+@pytest.mark.parametrize("steps", [{"dt": 0.5, "method": "rkmk8"}, {"dt": 0.5, "method": "ab4"}, TIGHT])
+def test_with_a_lipschitz_constant_no_event_is_missed(steps: dict[str, Any]) -> None:
+    # x = cos t passes 0.3 within 1e-7, for 1e-6 of a step
+    def near(t: float, state: State) -> float:
+        return abs(at_x(t, state) - 0.3) - 2.5e-7
+
+    given: dict[str, Any] = {"forces": SPRING, **steps}
+    motion = integrate(BALL, AT_ONE, (0.0, 2.0), events=near, **given)
+    assert motion.t_events is not None and len(motion.t_events[0]) == 0 and motion.certified == (False,)
+    given["events"] = [at_x, event(lambda t, s: near(t, s), lipschitz=1.01)]
+    motion = integrate(BALL, AT_ONE, (0.0, 2.0), **given)
+    assert motion.t_events is not None and [len(found) for found in motion.t_events] == [1, 2]
+    assert abs(motion.t_events[1] - np.arccos(0.3)).max() < 1e-2
+    assert np.diff(motion.t_events[1])[0] == pytest.approx(5e-7 / np.sqrt(0.91), rel=2e-3)
+    assert (motion.certified, motion.unproved) == ((False, True), (None, None))
+    back = integrate(BALL, motion[-1], (2.0, 0.0), **given)
+    assert back.t_events is not None and len(back.t_events[1]) == 2 and back.certified == (False, True)
+
+
+def test_what_is_not_proved_is_not_certified() -> None:
+    touch = event(lambda t, s: (t - 0.55) ** 2, lipschitz=2.0)
+    crosses = event(lambda t, s: t - 0.57, lipschitz=1.0)
+    motion = integrate(BALL, AT_ONE, (0.0, 1.0), dt=0.5, events=[touch, crosses])
+    assert motion.certified == (False, True) and motion.unproved == ((0.5, 1.0), None)
+    assert motion.t_events is not None and [len(found) for found in motion.t_events] == [0, 1]
+    again = pickle.loads(pickle.dumps(motion))
+    assert (again.certified, again.unproved) == (motion.certified, motion.unproved)
+    assert integrate(BALL, AT_ONE, (0.0, 1.0), dt=0.5).certified is None
+    arm = multibody.two_link_arm()
+    there = multibody.integrate_tree(
+        arm, [0.0, 0.3], [1.0, 0.0], (0.0, 1.0), dt=0.5, events=event(lambda t, q, v: t - 0.7, lipschitz=1.0)
+    )
+    assert there.certified == (True,) and there.unproved == (None,) and len(there.t_events[0]) == 1
+    again = pickle.loads(pickle.dumps(there))
+    assert again.certified == (True,) and again.t_events[0] == there.t_events[0]
+
+
 # ------------------------------------------------------------------------------------------ given times
 
 
@@ -419,6 +459,11 @@ def test_states_at_given_times_are_those_of_the_motion() -> None:
         ({"events": event(lambda t, s: 1.0, terminal=1.5)}, "`terminal` of the event function"),
         ({"events": event(lambda t, s: 1.0, direction="up")}, "`direction` of the event function"),
         ({"events": event(lambda t, s: 1.0, direction=np.nan)}, "`direction` of the event function"),
+        ({"events": event(lambda t, s: 1.0, lipschitz=-1.0)}, "event function .* not negative, found -1.0"),
+        ({"events": event(lambda t, s: 1.0, lipschitz=np.inf)}, "`lipschitz` of the event function"),
+        ({"events": event(lambda t, s: 1.0, lipschitz=True)}, "`lipschitz` of the event function"),
+        ({"events": event(lambda t, s: 1.0, lipschitz="1")}, "`lipschitz` of the event function"),
+        ({"events": [at_x, event(lambda t, s: 3 * t - 1, lipschitz=2.9)]}, r"= 2.9 of `events\[1\]`"),
         ({"events": lambda t, s: "one"}, r"must return a real number, found .* at t = 0"),
         ({"events": [at_x, lambda t, s: np.nan if t > 0.45 else 1.0]}, r"`events\[1\]` .* NaN at t = 0.5"),
     ],

@@ -241,7 +241,7 @@ def test_adapted_steps_locate_events_too() -> None:
         [event.t for event in adapted.events], [event.t for event in fine.events], atol=1e-8
     )
     assert adapted.n_rejected > 0
-    raises(errors.InputError, "`rkmk` has no error estimate", lambda: run(top, 0.5, dt=None, method="rkmk"))
+    raises(errors.InputError, "`ab4` has no error estimate", lambda: run(top, 0.5, dt=None, method="ab4"))
 
 
 @pytest.mark.parametrize(

@@ -89,7 +89,7 @@ def test_every_method_converges_to_dop853(method: Any, body: RigidBody, state: S
     assert fine < 1e-10 or np.log2(coarse / fine) > order - 0.35
 
 
-@pytest.mark.parametrize("method", [m for m in somersault.methods() if m.adaptive], ids=str)
+@pytest.mark.parametrize("method", [m for m in somersault.methods() if m.embedded_order], ids=str)
 def test_adaptive_methods_meet_their_tolerances(method: Any, body: RigidBody, state: State) -> None:
     acting = [forces.Gravity(), SPRING, forces.Drag(DRAG)]
     expected = reference(body, state, 2.0, spring_and_drag)
@@ -106,6 +106,29 @@ def test_adaptive_methods_meet_their_tolerances(method: Any, body: RigidBody, st
     assert np.diff(capped.t)[0] == pytest.approx(1e-3)
     with pytest.raises(somersault.errors.IntegrationError, match="`max_steps` = 3"):
         integrate(body, state, (0.0, 1e3), method=method, forces=acting, max_steps=3)
+
+
+@pytest.mark.parametrize("method", [m for m in somersault.methods() if m.embedded_order is None], ids=str)
+def test_steps_of_one_step_methods_are_doubled(method: Any, body: RigidBody, state: State) -> None:
+    acting = None if method.scope == "torque-free" else [forces.Gravity(), SPRING]
+
+    def run(tolerance: float) -> somersault.Solution:
+        return integrate(
+            body, state, (0.0, 0.5), method=method, forces=acting, rtol=tolerance, atol=tolerance
+        )
+
+    if method.history > 0:
+        with pytest.raises(somersault.InputError, match=f"`{method}` has no error estimate and remembers"):
+            run(1e-3)
+        return
+    order = min(order for orders in (method.orders, method.rate_orders) for order in orders.values() if order)
+    end = integrate(body, state, (0.0, 0.5), forces=acting, rtol=1e-12, atol=1e-13)[-1]
+    precise = np.concatenate([end.position, end.quaternion, end.velocity, end.angular_velocity])
+    loose, tight = run(1e-3 if order < 4 else 1e-6), run(1e-4 if order < 4 else 1e-7)
+    assert distance(tight[-1], precise) < max(0.5 * distance(loose[-1], precise), 1e-10)
+    assert tight.n_steps >= loose.n_steps and tight.t[-1] == 0.5
+    if acting is None:
+        assert tight.nfev == 3 * method.evaluations * (tight.n_steps + tight.n_rejected)
 
 
 def test_without_a_step_the_steps_are_adapted(body: RigidBody, state: State) -> None:

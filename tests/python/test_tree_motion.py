@@ -200,7 +200,7 @@ def test_bad_arguments_are_refused() -> None:
     raises(errors.InputError, "`acceleration` is that of `active`", run(acceleration=[1, 1]))
     raises(errors.InputError, "no body is named `lid`", run(active=["lid"]))
     raises(errors.InputError, "method `rkmk_b` is for rigid bodies only", run(method="rkmk_b"))
-    raises(errors.InputError, "`rkmk` has no error estimate", run(dt=None, method="rkmk"))
+    raises(errors.InputError, "`ab4` has no error estimate", run(dt=None, method="ab4"))
     raises(errors.InputError, "`observer` must be a callable f(t, q, v)", run(observer=3))
     raises(errors.InputError, "`every` must be a positive number", run(every=0))
 

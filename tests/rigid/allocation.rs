@@ -67,7 +67,7 @@ fn no_step_allocates_for_one_body_or_several() {
             check_fixed(method, &RigidBodySystem::new(boxes()[0], forced()), &starts()[0]);
             check_fixed(method, &of_several(forced), &together);
         }
-        if method.info().embedded.is_some() {
+        if method.info().is_adaptive() {
             check_adaptive(method, &free, &starts()[0]);
             check_adaptive(method, &several, &together);
         }

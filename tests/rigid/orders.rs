@@ -3,17 +3,20 @@
 
 use rayon::prelude::*;
 use somersault::integrators::driver::IntegrateError;
+use somersault::integrators::engine::Engine;
 use somersault::integrators::force::BoxedForce;
 use somersault::integrators::methods::{
     Coefficients, EmbeddedCoefficients, RungeKutta4, RungeKuttaMuntheKaas, RungeKuttaMuntheKaas4, Visitor,
 };
-use somersault::integrators::state::{Pose, Rate, RigidBodiesState};
+use somersault::integrators::state::{Pose, Rate, RigidBodiesState, Tolerances};
 use somersault::integrators::stepper::{StepError, Variables};
 use somersault::integrators::system::{Form, MomentumForm, RateOf, RigidBodiesSystem, RigidSystem, StateOf};
 use somersault::integrators::tableau::{DenseWeights, ErrorWeights, Tableau};
 use somersault::prelude::*;
 use somersault_testkit::order::{OrderEstimate, Sampling, estimate, estimate_all, slope};
-use somersault_testkit::problems::{Problem, asymmetric_body, for_orders, heavy_top, thesis_case, under};
+use somersault_testkit::problems::{
+    Problem, asymmetric_body, for_orders, heavy_top, orbit, thesis_case, under,
+};
 use std::collections::BTreeMap;
 
 /// High orders meet round-off within few points, low ones need many steps.
@@ -226,6 +229,123 @@ fn adaptive_errors_shrink_with_the_tolerance_over_four_decades() {
             assert!((0.8..most).contains(&found), "{method} on {}: {found} {points:?}", problem.name);
             let worst = points.iter().map(|(tolerance, e)| e / tolerance).fold(0.0, f64::max);
             assert!(worst < 500.0, "{method} on {}: {worst} {points:?}", problem.name);
+        }
+    }
+}
+
+/// Steps are doubled with errors of the size of the tolerance, of which there are as many as tolerance^(−1/(p+1)): the error at the end is
+/// of the order of tolerance^(p/(p+1)).
+#[test]
+fn the_error_of_every_one_step_method_follows_its_tolerance() {
+    let problems = [asymmetric_body(), heavy_top(true), orbit()];
+    let doubled = Method::ALL.into_iter().filter(|m| m.info().embedded.is_none() && m.info().history == 0);
+    let doubled: Vec<Method> = doubled.collect();
+    assert!(doubled.len() >= 20);
+    for (method, problem) in doubled.iter().flat_map(|m| problems.iter().map(move |p| (*m, p))) {
+        let info = method.info();
+        let Some(order) = problem.stated(&info.orders) else {
+            let refused = adaptive_run(method, problem, 1e-5).map(|_| ());
+            assert_eq!(refused, Err(StepError::Torque { method: info.name }.into()));
+            continue;
+        };
+        let first = if order < 4 { 1e-4 } else { 1e-6 };
+        let points: Vec<(f64, f64)> = (0..6)
+            .map(|k| {
+                let tolerance = first * 10f64.powf(-0.4 * f64::from(k));
+                (tolerance, problem.error(&adaptive_run(method, problem, tolerance).unwrap().state))
+            })
+            .collect();
+        if points.iter().all(|(_, error)| *error < 1e-12) {
+            // a splitting whose flow is that of the problem
+            continue;
+        }
+        let power = f64::from(order) / f64::from(order + 1);
+        let found = slope(&points);
+        // A factor of two over a decade; but where the angle of a step limits it the error is smaller than the tolerance asks for.
+        let is_limited = info.angle_limit.is_some() && order >= 4;
+        assert!(
+            is_limited || (found - power).abs() < 0.3,
+            "{method} on {}: {found} {power} {points:?}",
+            problem.name
+        );
+        let worst = points.iter().map(|(tolerance, e)| e / tolerance.powf(power)).fold(0.0, f64::max);
+        assert!(worst < 100.0, "{method} on {}: {worst} {points:?}", problem.name);
+    }
+}
+
+#[test]
+fn a_doubled_step_is_two_steps_of_the_method_and_a_rejected_one_leaves_nothing() {
+    let tolerances = Tolerances { relative: 1e-6, absolute: 1e-6 };
+    for problem in [asymmetric_body(), heavy_top(true)] {
+        let Problem { system, initial, .. } = &problem;
+        for method in Method::ALL.into_iter().filter(|m| m.info().is_adaptive()) {
+            if problem.stated(&method.info().orders).is_none() {
+                continue;
+            }
+            let attempt = |rejected: &[f64]| {
+                let mut made = |engine: &mut dyn Engine<Pose>| {
+                    let (from, to) = (engine.keep(initial), engine.keep(initial));
+                    for &h in rejected {
+                        // a step that the method refuses is rejected too
+                        let _ = engine.attempt(0.0, h, from, to, &tolerances);
+                        engine.reject();
+                    }
+                    let error = engine.attempt(0.0, 0.0625, from, to, &tolerances).unwrap();
+                    let (mut before, mut after) = (*initial, *initial);
+                    engine.read(from, &mut before);
+                    engine.read(to, &mut after);
+                    (error, before, after)
+                };
+                method.engage_adapted(Options::default(), system, initial, &mut made).unwrap()
+            };
+            let (error, before, after) = attempt(&[]);
+            let again = attempt(&[0.25, 2.0, 0.125]);
+            assert_eq!(again.1, before, "{method} on {}", problem.name);
+            // `radau5` keeps its Jacobian, so that its iterations end elsewhere within their accuracy.
+            let is_exact = method != Method::Radau5;
+            let angle = again.2.orientation().angle_to(after.orientation());
+            assert!(again.2 == after || (!is_exact && angle < 1e-12), "{method} on {}", problem.name);
+            assert!(again.0 == error || !is_exact, "{method} on {}", problem.name);
+            if method.info().embedded.is_none() {
+                let grid = TimeGrid::try_with_steps(0.0, 0.0625, 2).unwrap();
+                let two = Run::new(system, method, grid).from(initial).unwrap();
+                assert_eq!(after, two.state, "{method} on {}", problem.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn curves_of_doubled_steps_are_those_of_their_halves() {
+    let problem = asymmetric_body();
+    let Problem { system, initial, duration, .. } = &problem;
+    let exact = FreeBody::try_new(system.body(0), initial).unwrap();
+    let steps = Steps::adapted((0.0, *duration), Adaptive::with_tolerances(1e-9, 1e-9));
+    // The curve of the second is made of the stages that a step leaves.
+    let ralston = RungeKuttaMuntheKaas(Ralston::new());
+    for which in 0..2 {
+        let run = |recorder: Option<&mut Recorder<Pose>>| {
+            let mut nobody = ();
+            let observer: &mut dyn Observer<Pose> = match recorder {
+                Some(recorder) => recorder,
+                None => &mut nobody,
+            };
+            if which == 0 {
+                Run::new(system, Method::Rkmk, steps).observed_by(observer).from(initial).unwrap()
+            } else {
+                Run::by_stepper(system, &ralston, steps).observed_by(observer).from(initial).unwrap()
+            }
+        };
+        let mut recorder = Recorder::new(0.0, initial, 1).with_dense_output();
+        let (seen, unseen) = (run(Some(&mut recorder)), run(None));
+        assert_eq!((seen.state, seen.steps), (unseen.state, unseen.steps));
+        let motion = recorder.into_solution();
+        for pair in motion.times.windows(2) {
+            for fraction in [0.2, 0.5, 0.8] {
+                let t = pair[0] + fraction * (pair[1] - pair[0]);
+                let error = motion.at(t).unwrap().orientation().angle_to(exact.at(t).unwrap().orientation());
+                assert!(error < 2e-6, "{which} {t} {error}");
+            }
         }
     }
 }

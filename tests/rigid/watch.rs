@@ -1,7 +1,9 @@
 //! Functions that are watched along runs: events in closed form, and states at given times.
 
 use somersault_integrators::driver::{Adaptive, Status, Steps, TimeGrid};
-use somersault_integrators::events::{Direction, Occurrence, Watch, WatchError, WatchRule, Watched};
+use somersault_integrators::events::{
+    Certificate, Direction, Occurrence, Watch, WatchError, WatchRule, Watched,
+};
 use somersault_integrators::methods::Method;
 use somersault_integrators::nalgebra::Vector3;
 use somersault_integrators::reversal::{Backwards, reversed};
@@ -140,7 +142,7 @@ fn an_event_at_the_end_of_a_step_is_found_once() {
 
 #[test]
 fn rules_say_which_way_and_how_often() {
-    let rule = |direction, terminal| WatchRule { direction, terminal };
+    let rule = |direction, terminal| WatchRule { direction, terminal, lipschitz: None };
     let run = |rule| {
         let (found, t, status) = watched(grid(0.0, 20.0, 0.3), rule, |_, x| x);
         (times(&found), t, status, found.ended_by)
@@ -156,10 +158,104 @@ fn rules_say_which_way_and_how_often() {
     assert_eq!(run(rule(Direction::Both, Some(30))).2, Status::Finished);
 }
 
+fn bounded(lipschitz: f64) -> WatchRule {
+    WatchRule { lipschitz: Some(lipschitz), ..WatchRule::default() }
+}
+
+#[test]
+fn with_a_lipschitz_constant_no_dip_is_missed() {
+    // Below zero for 10⁻⁶ of a step of 0.5 s, by the time and by the motion, x = cos t.
+    let dip = |t: f64, _: f64| (t - 0.7301).abs() - 2.5e-7;
+    let (unseen, ..) = watched(grid(0.0, 1.0, 0.5), WatchRule::default(), dip);
+    assert_eq!((times(&unseen), &unseen.certificates[..]), (vec![], &[Certificate::Unbounded][..]));
+    for rule in [bounded(1.0), bounded(20.0)] {
+        let (found, ..) = watched(grid(0.0, 1.0, 0.5), rule, dip);
+        assert_times(&times(&found), &[0.7301 - 2.5e-7, 0.7301 + 2.5e-7], 1e-13);
+        assert_eq!(found.certificates, [Certificate::Certified]);
+    }
+    let (found, ..) = watched(grid(0.0, 2.0, 0.5), bounded(1.0), |_, x| (x - 0.3).abs() - 1e-7);
+    assert_times(&times(&found), &[0.3_f64.acos(); 2], 2e-7);
+    assert_eq!(found.certificates, [Certificate::Certified]);
+    // Five dips in two steps, of which one is before a zero at the end of a step.
+    let dips = [0.031, 0.171, 0.4999, 0.61, 0.98];
+    let at_dips =
+        |t: f64, _: f64| dips.iter().map(|at| (t - at).abs() - 1e-6).fold((0.75 - t).abs(), f64::min);
+    let (found, ..) = watched(grid(0.0, 1.0, 0.25), bounded(1.0), at_dips);
+    let expected: Vec<f64> = dips.iter().flat_map(|at| [at - 1e-6, at + 1e-6]).collect();
+    assert_times(&times(&found), &expected, 1e-13);
+    let falls = |t: f64, _: f64| ((t - 0.4).abs() - 1e-5).min(0.5 - t);
+    let (found, ..) = watched(grid(0.0, 1.0, 0.25), bounded(1.0), falls);
+    assert_times(&times(&found), &[0.4 - 1e-5, 0.4 + 1e-5, 0.5], 1e-13);
+}
+
+#[test]
+fn what_a_lipschitz_constant_does_not_prove_is_not_certified() {
+    // A touch is as near to an event as may be.
+    let touch = |t: f64, _: f64| (t - 0.537) * (t - 0.537);
+    let (found, _, status) = watched(grid(0.0, 1.0, 0.5), bounded(1.0), touch);
+    assert_eq!((times(&found), status), (vec![], Status::Finished));
+    assert_eq!(found.certificates, [Certificate::Unproved { from: 0.5, to: 1.0 }]);
+    // Its bound is given up for the step, not the search.
+    let crosses = |t: f64, _: f64| (t - 0.537) * (t - 0.537) - 1e-17;
+    assert_times(&times(&watched(grid(0.0, 1.0, 0.5), bounded(1.0), crosses).0), &[], 0.0);
+    let (found, ..) = watched(grid(0.0, 1.0, 0.5), bounded(0.0), |_, _| 1.0);
+    assert_eq!(found.certificates, [Certificate::Certified]);
+}
+
+#[test]
+fn a_lipschitz_constant_that_does_not_hold_ends_the_run() {
+    let refused = |lipschitz: f64| {
+        let (system, start) = oscillator();
+        let rules = vec![WatchRule::default(), bounded(lipschitz)];
+        let mut watch = Watch::new(rules, |t, x: &RigidBodyState, out: &mut [f64]| {
+            (out[0], out[1]) = (t - 0.05, 3.0 * x.velocity().x - 1.0);
+        });
+        let run = Run::new(&system, Method::Rkmk8, grid(0.0, 2.0, 0.1)).observed_by(&mut watch);
+        run.from(&start).unwrap();
+        watch.finish().map(|found| times(&found)).map_err(|broken| broken.reason)
+    };
+    // Its rate is −3 cos t.
+    let Err(WatchError::Violated { function: 1, lipschitz, times, values }) = refused(2.9) else { panic!() };
+    // The event of the other function has divided the step.
+    assert_eq!((lipschitz, times), (2.9, (0.0, 0.05)));
+    assert!((values.1 - values.0).abs() > 2.9 * 0.05);
+    assert_eq!(refused(3.0), Ok(vec![0.05]));
+    for wrong in [-1.0, f64::NAN, f64::INFINITY] {
+        let Err(error) = refused(wrong) else { panic!("{wrong}") };
+        assert!(matches!(error, WatchError::Lipschitz { function: 1, .. }), "{error}");
+        assert!(error.to_string().contains("`lipschitz` must be finite and not negative"), "{error}");
+    }
+}
+
+#[test]
+fn a_watch_continues_where_another_ended() {
+    let (system, start) = oscillator();
+    let rule = WatchRule { terminal: Some(2), ..bounded(1.0) };
+    let watch = || {
+        Watch::new(vec![rule, WatchRule::default()], |t, x: &RigidBodyState, out: &mut [f64]| {
+            (out[0], out[1]) = (x.position().x, t - 2.0);
+        })
+    };
+    let (mut whole, mut first) = (watch(), watch());
+    let at_once = Run::new(&system, Method::Rkmk8, grid(0.0, 8.0, 0.25)).observed_by(&mut whole);
+    let at_once = at_once.from(&start).unwrap();
+    // The first run ends at a zero of the second function, which is not found again.
+    let half = Run::new(&system, Method::Rkmk8, grid(0.0, 2.0, 0.25)).observed_by(&mut first);
+    let half = half.from(&start).unwrap();
+    let mut second = watch().resuming(first.progress());
+    let end = Run::new(&system, Method::Rkmk8, grid(2.0, 8.0, 0.25)).observed_by(&mut second);
+    let end = end.from(&half.state).unwrap();
+    assert_eq!((end.t, end.state), (at_once.t, at_once.state));
+    let (found, whole) = (second.finish().unwrap(), whole.finish().unwrap());
+    let parts: Vec<f64> = [first.finish().unwrap(), found.clone()].iter().flat_map(times).collect();
+    assert_eq!(parts, times(&whole));
+    assert_eq!((found.ended_by, found.certificates), (whole.ended_by, whole.certificates));
+}
+
 #[test]
 fn directions_count_along_a_run_backwards() {
     let (system, start) = oscillator();
-    let rule = WatchRule { direction: Direction::Falling, terminal: Some(1) };
+    let rule = WatchRule { direction: Direction::Falling, terminal: Some(1), lipschitz: None };
     let mut end = start;
     let t = 10.0_f64;
     (end.configuration.position.x, end.rate.linear.x) = (t.cos(), -t.sin());

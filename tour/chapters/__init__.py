@@ -32,6 +32,12 @@ PARTS = (
         ("exact", "box", "accuracy", "beyond", "batch"),
     ),
     Part(
+        "A body in orbit",
+        "A satellite is turned by a wheel inside it, held by a rotor, and pulled upright by the Earth. Where"
+        " nothing outside acts, the total angular momentum is constant to rounding.",
+        ("satellite",),
+    ),
+    Part(
         "A body that touches",
         "A spinning top meets the ground many times a second. Where a step straddles a touch-down, every"
         " method is of order 1; where the touch-down is located, each keeps its order. So it is for trees of"

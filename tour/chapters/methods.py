@@ -34,6 +34,12 @@ def _order(info: MethodInfo, benign: str, *general: str) -> str:
     return configuration if configuration == rate else f"{configuration}; {rate}"
 
 
+def _steps(info: MethodInfo) -> str:
+    """How the steps of a method are chosen."""
+    adapted = "adapted" if info.embedded_order is not None else "doubled"
+    return f"fixed or {adapted}" if info.adaptive else "fixed"
+
+
 def _row(info: MethodInfo) -> list[Cell]:
     return [
         words(info.name),
@@ -43,7 +49,7 @@ def _row(info: MethodInfo) -> list[Cell]:
         Cell(str(info.dense_order)),
         Cell(str(info.evaluations)),
         Cell(str(info.history)),
-        words("fixed or adapted" if info.adaptive else "fixed"),
+        words(_steps(info)),
         words(info.scope),
         words(info.citation),
     ]
@@ -53,9 +59,11 @@ def write(page: Page, measurements: Measurements) -> None:
     """Writes the chapter."""
     infos = measurements.methods
     adaptive = sum(info.adaptive for info in infos)
+    estimating = sum(info.embedded_order is not None for info in infos)
     page.lead(
         f"{len(infos)} methods, {len(thesis.METHODS)} of them those of the thesis; {adaptive} of them can"
-        " adapt their step. Orders differ between ℝ³ and SO(3): that is the point of the study."
+        f" adapt their step, {estimating} by an estimate of their own and the others by step doubling."
+        " Orders differ between ℝ³ and SO(3): that is the point of the study."
     )
     page.text(
         "An order in brackets is a lower one: on ℝ³ where forces depend on the velocity or the orientation,"

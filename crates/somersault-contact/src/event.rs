@@ -35,7 +35,7 @@ impl EventKind {
 
     /// What the change of a guard is called, where the guards of `contacts` contacts are followed by those of
     /// their friction.
-    pub(crate) fn of_guard(contacts: usize, guard: usize, before: &Guard, after: &Guard) -> Self {
+    pub fn of_guard(contacts: usize, guard: usize, before: &Guard, after: &Guard) -> Self {
         match (guard < contacts, before.is_inside()) {
             (true, true) => Self::Release,
             (true, false) if after.rate > 0.0 => Self::ReEngagement,

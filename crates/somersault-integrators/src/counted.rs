@@ -10,7 +10,7 @@ use crate::system::{
 use crate::variation::Tangent;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// What counts how often it is evaluated, by one thread at a time: a system, borrowed, or forces.
+/// What counts how often it is evaluated, by one thread at a time: a system, its own or borrowed, or forces.
 ///
 /// An evaluation of a system is one call for the accelerations or the wrenches of all bodies; it does not say that it is
 /// free. One of forces is a call for the wrench on a body.
@@ -44,7 +44,7 @@ impl<T> Counted<T> {
 }
 
 #[deny(clippy::missing_trait_methods)]
-impl<S: RigidSystem> System for Counted<&S> {
+impl<S: RigidSystem> System for Counted<S> {
     type Configuration = S::Configuration;
     type Forms = RigidForms;
     type Workspace = S::Workspace;
@@ -67,7 +67,7 @@ impl<S: RigidSystem> System for Counted<&S> {
 }
 
 #[deny(clippy::missing_trait_methods)]
-impl<S: RigidSystem> RigidSystem for Counted<&S> {
+impl<S: RigidSystem> RigidSystem for Counted<S> {
     fn body(&self, i: usize) -> &RigidBody {
         self.inner.body(i)
     }

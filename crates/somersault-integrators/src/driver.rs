@@ -10,6 +10,7 @@
 use crate::dense::Interpolant;
 use crate::engine::{Engine, EngineStep, Interior, Slot, Track};
 pub use crate::error::IntegrateError;
+use crate::events::GuardChange;
 use crate::state::{Configuration, Rate, State};
 pub use crate::step_size::Adaptive;
 use somersault_core::argument::{ArgumentError, expect_positive};
@@ -150,12 +151,17 @@ pub struct Step<'a, Q: Configuration> {
     pub before: &'a State<Q>,
     /// State after.
     pub after: &'a State<Q>,
+    /// How many steps the control of their size has rejected up to this one.
+    pub rejected: u64,
+    /// The guards that change their signs at its end.
+    pub changes: &'a [GuardChange],
     interior: &'a mut dyn Interior<Q>,
     end: Option<(f64, State<Q>)>,
 }
 
 impl<'a, Q: Configuration> Step<'a, Q> {
-    /// A step as a driver shows it: the `index`-th, between two times and the states there, with what is between them.
+    /// A step as a driver shows it: the `index`-th, between two times and the states there, with what is between them. None was rejected,
+    /// and no guard changes its sign.
     pub fn new(
         index: u64,
         times: (f64, f64),
@@ -163,7 +169,8 @@ impl<'a, Q: Configuration> Step<'a, Q> {
         after: &'a State<Q>,
         interior: &'a mut dyn Interior<Q>,
     ) -> Self {
-        Self { index, t_before: times.0, t_after: times.1, before, after, interior, end: None }
+        let (t_before, t_after) = times;
+        Self { index, t_before, t_after, before, after, rejected: 0, changes: &[], interior, end: None }
     }
 
     /// The curve of this step.
@@ -210,6 +217,7 @@ impl<'a, Q: Configuration> Step<'a, Q> {
     pub fn show(&mut self, observer: &mut dyn Observer<Q>) -> Flow {
         let Some((t, state)) = self.end.take() else { return observer.observe(self) };
         let mut kept = Step::new(self.index, (self.t_before, t), self.before, &state, &mut *self.interior);
+        kept.rejected = self.rejected;
         let flow = observer.observe(&mut kept);
         let earlier = kept.end.take();
         self.end = Some(earlier.unwrap_or((t, state)));
@@ -297,7 +305,7 @@ pub(crate) fn run_fixed<Q: Configuration>(
         }
         engine.advance(Track::RUN, t, h, from, to, show.room())?;
         n += 1;
-        let flow = show.step(engine, n, (t, grid.time(n)), h, (from, to));
+        let flow = show.step(engine, (n, 0), (t, grid.time(n)), h, (from, to));
         std::mem::swap(&mut from, &mut to);
         if flow == Flow::Stop {
             break;
@@ -334,7 +342,8 @@ pub(crate) fn run_adaptive<Q: Configuration>(
         if let Some(room) = show.room() {
             engine.read(to, room);
         }
-        let flow = show.step(engine, control.accepted(), (t, t_after), h, (from, to));
+        let counts = (control.accepted(), control.rejected());
+        let flow = show.step(engine, counts, (t, t_after), h, (from, to));
         t = t_after;
         std::mem::swap(&mut from, &mut to);
         if flow == Flow::Stop {
@@ -344,8 +353,8 @@ pub(crate) fn run_adaptive<Q: Configuration>(
     Ok(show.outcome(engine, from, (t, end), (control.accepted(), control.rejected())))
 }
 
-/// The error of an attempted step for the control of its size: NaN, so that it is too large, where the equation of the step
-/// was not solved, with the reason.
+/// The error of an attempted step for the control of its size: NaN, so that it is too large, where the method refuses the step
+/// and may take a shorter one, with the reason.
 pub(crate) fn judge(
     attempt: Result<f64, IntegrateError>,
 ) -> Result<(f64, Option<IntegrateError>), IntegrateError> {
@@ -384,7 +393,7 @@ impl<'a, Q: Configuration> Show<'a, Q> {
     fn step(
         &mut self,
         engine: &mut dyn Engine<Q>,
-        index: u64,
+        (index, rejected): (u64, u64),
         (t_before, t_after): (f64, f64),
         h: f64,
         (from, to): (Slot, Slot),
@@ -394,7 +403,8 @@ impl<'a, Q: Configuration> Show<'a, Q> {
         }
         let Self { before, after, place, .. } = self;
         let mut interior = EngineStep { engine, t: t_before, h, from, to, before, place };
-        let step = Step::new(index, (t_before, t_after), before, after, &mut interior);
+        let mut step = Step::new(index, (t_before, t_after), before, after, &mut interior);
+        step.rejected = rejected;
         let flow;
         (flow, self.end) = step.shown_to(self.observer);
         std::mem::swap(&mut self.before, &mut self.after);

@@ -73,8 +73,8 @@ pub trait Engine<Q: Configuration> {
     /// Errors: those of [`advance`](Self::advance).
     fn march(&mut self, t: f64, h: f64, steps: u64, slot: Slot) -> Result<(), IntegrateError>;
 
-    /// The curve of the last step of [`Track::RUN`], which was of h from t and led from one slot to the other.
-    fn segment(&mut self, t: f64, h: f64, from: Slot, to: Slot) -> Box<dyn Interpolant<Q>>;
+    /// The curve of the last step in a memory, which was of h from t and led from one slot to the other.
+    fn segment(&mut self, track: Track, t: f64, h: f64, from: Slot, to: Slot) -> Box<dyn Interpolant<Q>>;
 
     /// A control of the step size for a run from a state at t.
     ///
@@ -135,7 +135,7 @@ pub(crate) struct EngineStep<'a, Q: Configuration> {
 
 impl<Q: Configuration> Interior<Q> for EngineStep<'_, Q> {
     fn interpolant(&mut self) -> Box<dyn Interpolant<Q>> {
-        self.engine.segment(self.t, self.h, self.from, self.to)
+        self.engine.segment(Track::RUN, self.t, self.h, self.from, self.to)
     }
 
     fn is_curve_of_full_order(&self) -> bool {
@@ -382,9 +382,9 @@ where
         outcome
     }
 
-    fn segment(&mut self, t: f64, h: f64, from: Slot, to: Slot) -> Box<dyn Interpolant<Q>> {
+    fn segment(&mut self, track: Track, t: f64, h: f64, from: Slot, to: Slot) -> Box<dyn Interpolant<Q>> {
         let (x, after) = (&self.slots.states[from.0], &self.slots.states[to.0]);
-        let memory = &mut self.memories[Track::RUN.0];
+        let memory = &mut self.memories[track.0];
         self.slots.decoded(self.stepper.segment(self.slots.form, t, x, h, memory, after))
     }
 

@@ -41,8 +41,10 @@ pub enum IntegrateError {
         /// End of the step.
         t: f64,
     },
-    /// The method has no error estimate to adapt its step by.
-    #[error("method `{method}` has no error estimate: give it a fixed step")]
+    /// The method has no error estimate to adapt its step by, nor one by [doubling](crate::doubling).
+    #[error(
+        "method `{method}` has no error estimate and remembers previous steps, so that its steps are not adapted: give it a fixed step, or take a one-step method"
+    )]
     NoErrorEstimate {
         /// The method.
         method: &'static str,
@@ -107,8 +109,23 @@ impl IntegrateError {
         }
     }
 
-    /// Whether a shorter step may help: the equation of an implicit one was not solved.
+    /// Whether a shorter step may help: the equation of an implicit one was not solved, or it is beyond what the method allows.
     pub(crate) fn is_of_the_step(&self) -> bool {
-        matches!(self, Self::Step(StepError::NotConverged { .. }))
+        use StepError::{Angle, NotConverged, StepTooLarge, Torque};
+        match self {
+            Self::Step(NotConverged { .. } | Angle { .. } | StepTooLarge { .. }) => true,
+            Self::Step(Torque { .. }) => false,
+            Self::Argument(_)
+            | Self::Interval { .. }
+            | Self::TooManySteps { .. }
+            | Self::InitialState { .. }
+            | Self::NonFinite { .. }
+            | Self::NoErrorEstimate { .. }
+            | Self::RigidBodiesOnly { .. }
+            | Self::Fault { .. }
+            | Self::Variables { .. }
+            | Self::StepSize { .. }
+            | Self::Budget { .. } => false,
+        }
     }
 }

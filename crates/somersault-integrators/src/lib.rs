@@ -26,6 +26,7 @@ pub mod body;
 mod cancellation;
 pub mod counted;
 pub mod dense;
+pub mod doubling;
 pub mod driver;
 pub mod engine;
 mod error;

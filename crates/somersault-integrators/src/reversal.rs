@@ -136,10 +136,12 @@ impl<Q: Configuration, O: Observer<Q>> Observer<Q> for Backwards<O> {
         self.0.is_active()
     }
     fn observe(&mut self, step: &mut Step<'_, Q>) -> Flow {
-        let (index, times) = (step.index, (-step.t_before, -step.t_after));
+        let Step { index, rejected, changes, .. } = *step;
+        let times = (-step.t_before, -step.t_after);
         let (before, after) = (reversed(step.before), reversed(step.after));
         let mut interior = InteriorBackwards(step.interior());
         let mut turned = Step::new(index, times, &before, &after, &mut interior);
+        (turned.rejected, turned.changes) = (rejected, changes);
         let flow = self.0.observe(&mut turned);
         let end = turned.end().map(|(t, state)| (-t, reversed(state)));
         if let Some((s, state)) = end {

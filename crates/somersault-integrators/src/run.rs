@@ -22,11 +22,12 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+use crate::doubling::{check_adaptive, hand_over};
 use crate::driver::{Observer, Outcome, Steps, check_state, run_adaptive, run_fixed};
 use crate::engine::{Engine, FormEngine};
 use crate::error::IntegrateError;
 use crate::methods::{Forms, Method, Options};
-use crate::stepper::{EmbeddedStepper, StepError, Stepper};
+use crate::stepper::{EmbeddedStepper, MethodInfo, StepError, Stepper};
 use crate::system::{StateOf, System};
 
 /// A run of a system by a method: from a state on, with the steps chosen, seen by an observer.
@@ -47,7 +48,7 @@ pub struct Run<'a, S: System, M, L = ()> {
 pub trait Engages<S: System> {
     /// Runs an engine with adapted or with fixed steps, started from a state.
     ///
-    /// Errors where the method does not take the system or its forces, or has no estimate to adapt its steps by.
+    /// Errors where the method does not take the system or its forces, or its steps cannot be adapted.
     fn engage<R>(
         &self,
         system: &S,
@@ -95,14 +96,14 @@ impl<S: System<Forms: Forms<S>>> Engages<S> for ByMethod {
     ) -> Result<R, IntegrateError> {
         let Self { method, options } = *self;
         if is_adapted {
-            method.engage_embedded(options, system, initial, run)
+            method.engage_adapted(options, system, initial, run)
         } else {
             method.engage(options, system, initial, run)
         }
     }
 }
 
-/// By a user-defined method, whose estimate of its error is not used if it has one.
+/// By a user-defined method, whose estimate of its error is not used if it has one: adapted steps are [doubled](crate::doubling).
 #[derive(Debug, Clone, Copy)]
 pub struct ByStepper<'a, M>(pub &'a M);
 
@@ -115,9 +116,10 @@ impl<S: System, M: Stepper<S>> Engages<S> for ByStepper<'_, M> {
         run: &mut dyn FnMut(&mut dyn Engine<S::Configuration>) -> R,
     ) -> Result<R, IntegrateError> {
         if is_adapted {
-            return Err(IntegrateError::NoErrorEstimate { method: M::INFO.name });
+            check_adaptive(&MethodInfo { embedded: None, ..M::INFO })?;
         }
-        Ok(run(&mut FormEngine::unchanged(system, self.0, initial.clone())?))
+        let mut engine = FormEngine::unchanged(system, self.0, initial.clone())?;
+        Ok(hand_over(&mut engine, is_adapted, initial, run)?)
     }
 }
 
@@ -152,7 +154,7 @@ impl<'a, S: System, L> Run<'a, S, ByMethod, L> {
 }
 
 impl<'a, 'm, S: System, M> Run<'a, S, ByStepper<'m, M>> {
-    /// By any method; its steps are fixed.
+    /// By any method; its steps are fixed, or adapted by [doubling](crate::doubling) if it remembers no previous steps.
     pub fn by_stepper(system: &'a S, stepper: &'m M, steps: impl Into<Steps>) -> Self {
         Self::by(system, ByStepper(stepper), steps)
     }

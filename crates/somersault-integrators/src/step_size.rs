@@ -88,7 +88,7 @@ impl StepSizeControl {
         settings.check()?;
         let mut control = Self {
             settings: *settings,
-            order: f64::from(method.embedded.unwrap_or(method.orders.rotation)) + 1.0,
+            order: f64::from(method.error_power()),
             h: 0.0,
             last_log_error: LEAST_REMEMBERED,
             just_rejected: false,

@@ -47,6 +47,20 @@ impl Orders {
     pub const fn without_torque(self) -> Self {
         Self { rotation_with_torque: None, ..self }
     }
+
+    /// All of them.
+    fn each(&self) -> impl Iterator<Item = u8> {
+        let Self {
+            translation,
+            translation_with_velocity,
+            translation_with_orientation,
+            rotation,
+            rotation_with_torque,
+        } = *self;
+        [translation, translation_with_velocity, translation_with_orientation, rotation]
+            .into_iter()
+            .chain(rotation_with_torque)
+    }
 }
 
 /// What a method applies to.
@@ -150,6 +164,30 @@ impl MethodInfo {
         Self { name, title, variables, scope: Scope::RigidBodies, conserves, ..self }
     }
 
+    /// Whether its steps can be adapted to tolerances: by its own estimate of the error, or by [doubling](crate::doubling) where it
+    /// remembers no previous steps.
+    pub const fn is_adaptive(&self) -> bool {
+        self.embedded.is_some() || self.history == 0
+    }
+
+    /// Evaluations of the equations of motion per step tried with adapted steps, for an implicit method, per iteration; those of three
+    /// steps where it is [doubled](crate::doubling).
+    pub fn adapted_evaluations(&self) -> u64 {
+        u64::from(self.evaluations) * if self.embedded.is_some() { 1 } else { 3 }
+    }
+
+    /// The least of its orders.
+    pub(crate) fn least_order(&self) -> u8 {
+        self.orders.each().chain(self.rate_orders.each()).fold(u8::MAX, u8::min)
+    }
+
+    /// Power of h in the error that the step size control corrects: one more than the order of the estimate. Where a method has several
+    /// orders it is by the greatest, with which the control answers no error too strongly.
+    pub(crate) fn error_power(&self) -> u8 {
+        let greatest = || self.orders.each().chain(self.rate_orders.each()).fold(0, u8::max);
+        self.embedded.unwrap_or_else(greatest) + 1
+    }
+
     /// Order of the default curve, the cubic Hermite interpolant.
     pub const HERMITE: u8 = 4;
 
@@ -251,8 +289,8 @@ pub trait Scheme {
 /// A method that moves systems of the kind `S` by one step.
 ///
 /// All that a step leaves for the next is in the memory, a value of the caller's. The memory speaks of
-/// one trajectory with one step size: after a discontinuity, a jump of the state or a change of h it
-/// must be restarted.
+/// one trajectory, that of a method that remembers previous steps of one step size: after a discontinuity, a jump of
+/// the state or, of such a method, a change of h it must be restarted.
 pub trait Stepper<S: System>: Scheme {
     /// What a step leaves for the next, and room to work in.
     type Memory;

@@ -64,3 +64,16 @@ impl Crossing {
         if before.is_inside() { Self::Leaves } else { Self::Enters }
     }
 }
+
+/// A guard that changes its sign at the end of a step, where events are located.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GuardChange {
+    /// Which guard.
+    pub guard: usize,
+    /// The guard at the start of the step.
+    pub before: Guard,
+    /// The guard at its end.
+    pub after: Guard,
+    /// What it gathered inside, where it comes out; zero where it goes in.
+    pub impulse: f64,
+}

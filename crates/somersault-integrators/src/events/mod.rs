@@ -115,11 +115,14 @@ mod sweep;
 mod watch;
 mod worker;
 
-pub use guard::{Crossing, Guard};
+pub use guard::{Crossing, Guard, GuardChange};
 pub use hybrid::{Energy, Frozen, Hybrid, HybridBodies};
 pub use location::{Location, StiffSteps};
 pub use outcome::{Event, Interrupted, Interruption, Located, LocatedResult};
 pub use search::{EventSearch, Retrace, Trail};
 pub use step_curve::StepCurve;
 pub use sweep::Sweep;
-pub use watch::{Direction, Occurrence, Watch, WatchError, WatchInterrupted, WatchRule, Watched};
+pub use watch::{
+    Certificate, Direction, Occurrence, Watch, WatchError, WatchInterrupted, WatchProgress, WatchRule,
+    Watched,
+};

@@ -1,5 +1,6 @@
 //! A run in progress: what is done with a step, fixed or adapted, once it is made.
 
+use super::guard::{Guard, GuardChange};
 use super::hybrid::{Frozen, Hybrid};
 use super::location::Location;
 use super::outcome::{Event, Interrupted, InterruptedRun, Interruption, Located, LocatedResult};
@@ -43,6 +44,8 @@ pub(super) struct InProgress<'a, H: Hybrid> {
     is_observed: bool,
     /// The memory and the slot of parts of steps that the observer asks for.
     place: Option<(Track, Slot)>,
+    /// The guards that change at the end of the step that is shown.
+    changes: Vec<GuardChange>,
     /// The outcome but for the state, which is that of `before`.
     pub(super) so_far: Located<H::Configuration, H::Kind>,
 }
@@ -120,6 +123,7 @@ impl<'a, H: Hybrid> InProgress<'a, H> {
             observer,
             is_observed,
             place: None,
+            changes: Vec::new(),
             so_far: Located::at_start(t, initial),
         };
         run.examine()?;
@@ -254,30 +258,48 @@ impl<'a, H: Hybrid> InProgress<'a, H> {
     /// Shows the step, with its curve, to the observer.
     #[inline(never)]
     fn show(&mut self, span: Span) -> (Flow, Option<(f64, StateOf<H>)>) {
-        let Self { worker, before, after, so_far, place, .. } = self;
+        let Self { worker, before, after, so_far, place, changes, impulses, .. } = self;
+        changes.clear();
+        if span.is_event {
+            changes.extend(changes_between(&before.guards, &after.guards, impulses));
+        }
         let (t, from, to) = (so_far.t, before.slot, after.slot);
         let engine = &mut *worker.engine;
         let mut interior = EngineStep { engine, t, h: span.h, from, to, before: &before.state, place };
         let times = (t, span.t_after);
-        let step = Step::new(so_far.steps, times, &before.state, &after.state, &mut interior);
+        let mut step = Step::new(so_far.steps, times, &before.state, &after.state, &mut interior);
+        (step.rejected, step.changes) = (so_far.rejected, changes);
         step.shown_to(self.observer)
     }
 
     /// Counts and keeps the changes between the guards before a step and after it.
     fn log(&mut self, last_mode: &H::Mode) {
-        for (guard, (a, b)) in self.before.guards.iter().zip(&self.after.guards).enumerate() {
-            if a.is_inside() == b.is_inside() {
-                continue;
-            }
-            let kind = self.worker.frozen.event_kind(guard, a, b, last_mode);
-            let impulse = if a.is_inside() { std::mem::take(&mut self.impulses[guard]) } else { 0.0 };
-            self.so_far.event_count += 1;
+        let Self { worker, before, after, impulses, so_far, .. } = self;
+        let mut changed = 0;
+        for GuardChange { guard, before: a, after: b, impulse } in
+            changes_between(&before.guards, &after.guards, impulses)
+        {
+            changed += 1;
             if self.location.keep_events {
-                let (t, state) = (self.so_far.t, self.after.state.clone());
-                self.so_far.events.push(Event { t, guard, kind, impulse, state });
+                let kind = worker.frozen.event_kind(guard, &a, &b, last_mode);
+                let (t, state) = (so_far.t, after.state.clone());
+                so_far.events.push(Event { t, guard, kind, impulse, state });
             }
         }
+        so_far.event_count += changed;
+        let closed = impulses.iter_mut().zip(before.guards.iter().zip(&after.guards));
+        closed.filter(|(_, (a, b))| a.is_inside() && !b.is_inside()).for_each(|(impulse, _)| *impulse = 0.0);
     }
+}
+
+/// The guards that change between the ends of a step, with what each has gathered inside.
+fn changes_between(before: &[Guard], after: &[Guard], impulses: &[f64]) -> impl Iterator<Item = GuardChange> {
+    let ends = before.iter().zip(after).zip(impulses).enumerate();
+    let changed = ends.filter(|(_, ((a, b), _))| a.is_inside() != b.is_inside());
+    changed.map(|(guard, ((&before, &after), &gathered))| {
+        let impulse = if before.is_inside() { gathered } else { 0.0 };
+        GuardChange { guard, before, after, impulse }
+    })
 }
 
 /// Remembers when the last events were.

@@ -2,7 +2,7 @@
 
 use super::guard::Guard;
 use super::step_curve::StepCurve;
-use super::sweep::{Sweep, Verdict};
+use super::sweep::{Sweep, Verdict, by_lipschitz};
 use somersault_core::roots;
 
 /// How many parts of a step are looked at for what a cubic says alone.
@@ -32,8 +32,29 @@ pub trait Retrace {
     /// the ends is trusted.
     fn sweeps(&self, _start: f64, _width: f64, _ends: (&Self::Point, &Self::Point), _out: &mut Vec<Sweep>) {}
 
-    /// That a step of `h` could not be proved clear of events, nor an event be found in it, in so many parts.
-    fn unproved(&self, h: f64, parts: u32) -> Self::Error;
+    /// A bound of |φ̇| of a guard without a lag along the step, on either side of zero, where one is given: it stands in the place of the
+    /// sweep and of the cubic, and each part of the step is proved or looked at.
+    fn lipschitz(&self, _guard: usize) -> Option<f64> {
+        None
+    }
+
+    /// Whether what is known of the guards holds of a part of the step between two lengths; asked of each that is looked at.
+    fn check(&self, _lengths: (f64, f64), _ends: (&Self::Point, &Self::Point)) -> Result<(), Self::Error> {
+        Ok(())
+    }
+
+    /// That a step of `h` could not be proved clear of events of a guard, nor an event be found in it, in so many parts.
+    fn unproved(&self, h: f64, parts: u32, guard: usize) -> Self::Error;
+}
+
+/// What is not known of a part of a step.
+#[derive(Debug, Clone, Copy)]
+struct Doubt {
+    /// Where it is to be looked at, from its start on.
+    part: f64,
+    guard: usize,
+    /// Whether a cubic says so alone.
+    is_suspicion: bool,
 }
 
 /// A part of a step, by its length, and where it leads.
@@ -91,6 +112,7 @@ impl<R: Retrace> EventSearch<'_, R> {
             &mut self.trail.sweeps,
             (self.graze, true),
         )
+        .map(|doubt| doubt.part)
     }
 
     /// The step to the far side of the earliest change of sign between `from` and h, if there is one.
@@ -102,7 +124,7 @@ impl<R: Retrace> EventSearch<'_, R> {
         let before = self.before;
         let start = R::guards(before);
         (self.trail.near.h, self.trail.len) = (self.from, 0);
-        let (mut is_start, mut parts) = (true, 0);
+        let (mut is_start, mut parts, mut suspicions) = (true, 0, 0);
         loop {
             let len = self.trail.len;
             let far = self.trail.far[..len].last();
@@ -111,16 +133,15 @@ impl<R: Retrace> EventSearch<'_, R> {
             let near = if is_start { before } else { &self.trail.near.point };
             let is_changed = has_changed(start, R::guards(point));
             if is_changed && !is_event {
+                if len == 0 && near_h >= h {
+                    return Ok(Some(h));
+                }
                 let values = (margin(start, R::guards(near)), margin(start, R::guards(point)));
                 let guess = guess(R::guards(near), R::guards(point), (near_h, end));
                 if len == 0 {
-                    // The step as it was made may have a history, the search has none.
+                    // The step as it was made may have a history, the search has none. Where, made again, it does not quite reach the
+                    // change, the step as it was made ends there, within its error, and what lies before is looked at.
                     self.push(h)?;
-                    if !has_changed(start, R::guards(&self.trail.far[0].point)) {
-                        // Made again it does not quite reach the change: the step as it was made ends there,
-                        // within its error.
-                        return Ok(Some(h));
-                    }
                     self.trail.far[0].h = h;
                     continue;
                 }
@@ -133,17 +154,18 @@ impl<R: Retrace> EventSearch<'_, R> {
                 continue;
             }
             let width = end - near_h;
+            self.step.check((near_h, end), (near, point))?;
             // A cubic that continues to promise what is not there has rates that are not those of its gaps.
-            let suspects = parts < SUSPICIONS;
+            let rules = (self.graze, suspicions < SUSPICIONS);
+            let doubt = doubt(&self.step, (near_h, width), (near, point), &mut self.trail.sweeps, rules);
             parts += 1;
-            if parts > MOST_PARTS {
-                return Err(self.step.unproved(h, MOST_PARTS));
-            }
-            let rules = (self.graze, suspects);
-            let part = doubt(&self.step, (near_h, width), (near, point), &mut self.trail.sweeps, rules);
-            if let Some(part) = part
+            if let Some(Doubt { part, guard, is_suspicion }) = doubt
                 && width > 4.0 * self.tolerance
             {
+                if parts > MOST_PARTS {
+                    return Err(self.step.unproved(h, MOST_PARTS, guard));
+                }
+                suspicions += u32::from(is_suspicion);
                 self.push(near_h + part)?;
                 continue;
             }
@@ -200,18 +222,26 @@ fn doubt<R: Retrace>(
     ends: (&R::Point, &R::Point),
     sweeps: &mut Vec<Sweep>,
     (graze, suspects): (f64, bool),
-) -> Option<f64> {
+) -> Option<Doubt> {
     let (before, after) = (R::guards(ends.0), R::guards(ends.1));
     sweeps.clear();
     step.sweeps(start, width, ends, sweeps);
     sweeps.resize(before.len(), Sweep::UNKNOWN);
-    let guards = before.iter().zip(after).zip(&*sweeps);
-    let parts = guards.filter_map(|((a, b), sweep)| match Verdict::of(a, b, width, sweep, graze) {
-        Verdict::Clear => None,
-        Verdict::Suspect(theta) => suspects.then_some(theta * width),
-        Verdict::Split(theta) => Some(theta * width),
+    let guards = before.iter().zip(after).zip(&*sweeps).enumerate();
+    let doubts = guards.filter_map(|(guard, ((a, b), sweep))| {
+        let verdict = match step.lipschitz(guard) {
+            Some(bound) => by_lipschitz(a, b, width, bound),
+            None => Verdict::of(a, b, width, sweep, graze),
+        };
+        match verdict {
+            Verdict::Clear => None,
+            Verdict::Suspect(theta) => {
+                suspects.then_some(Doubt { part: theta * width, guard, is_suspicion: true })
+            }
+            Verdict::Split(theta) => Some(Doubt { part: theta * width, guard, is_suspicion: false }),
+        }
     });
-    parts.min_by(f64::total_cmp)
+    doubts.min_by(|a, b| a.part.total_cmp(&b.part))
 }
 
 /// Where the cubics through the ends of a part of the step change sign first.

@@ -59,6 +59,20 @@ impl Verdict {
     }
 }
 
+/// Of a function with |φ̇| ≤ `bound`, on either side of zero and at its end perhaps just beyond: it has no root within a step of h where
+/// |φ₀| + |φ₁| > `bound` h, since from either end it takes the time |φ|/`bound` at least to get to zero.
+pub(super) fn by_lipschitz(before: &Guard, after: &Guard, h: f64, bound: f64) -> Verdict {
+    let side = if before.is_inside() { -1.0 } else { 1.0 };
+    let (first, last) = ((side * before.gap).max(0.0), (side * after.gap).max(0.0));
+    // A function that does not change has no root that it crosses.
+    if bound == 0.0 || first + last > bound * h {
+        return Verdict::Clear;
+    }
+    // Between what is clear from either end.
+    let reached = 0.5 * (h + (first - last) / bound);
+    Verdict::Split((reached / h).clamp(0.02, 0.98))
+}
+
 /// By the cubic through gap and rate at both ends.
 fn by_cubic(before: &Guard, after: &Guard, h: f64) -> Verdict {
     if is_clear(before, after, h) {
@@ -160,6 +174,29 @@ mod tests {
 
     fn some(k: i32, axis: usize) -> f64 {
         f64::sin(f64::from(37 * k) + 5.0 * axis as f64)
+    }
+
+    #[test]
+    fn what_is_clear_by_a_lipschitz_constant_has_no_root() {
+        let (h, at) = (0.5, |gap| Guard { gap, ..Guard::default() });
+        let (mut clear, mut split) = (0, 0);
+        for k in 0..2_000 {
+            let (first, last, bound) = (some(k, 0), some(k, 1), 5.0 * some(k, 2).abs() + 0.01);
+            if first * last <= 0.0 || (first - last).abs() > bound * h {
+                continue;
+            }
+            // The function that comes nearest to zero falls at the bound from both ends.
+            let least = 0.5 * (first.abs() + last.abs() - bound * h);
+            match by_lipschitz(&at(first), &at(last), h, bound) {
+                Verdict::Clear => (clear, _) = (clear + 1, assert!(least > 0.0)),
+                Verdict::Split(theta) => {
+                    (split, _) = (split + 1, assert!(least <= 0.0 && (0.02..=0.98).contains(&theta)));
+                }
+                Verdict::Suspect(_) => unreachable!(),
+            }
+        }
+        assert!(clear > 200 && split > 200, "{clear} {split}");
+        assert_eq!(by_lipschitz(&at(0.0), &at(0.0), h, 0.0), Verdict::Clear);
     }
 
     #[test]

@@ -10,11 +10,27 @@
 //!   end of a step has one event.
 //! - A touch without a crossing is not an event: two changes that differ in time by rounding only are dropped.
 //! - Directions count along the run, also where that goes backwards in time, as in SciPy.
+//!
+//! # Certified events
+//!
+//! Where the signs, values and rates at the ends of a step agree with a function that stays away from zero, it may still have gone
+//! through zero and come back. A bound L of |dg/dt| along the motion ([`WatchRule::lipschitz`]) excludes that: between two times h apart
+//! g has no root if
+//!
+//! ```math
+//! |g(t)| + |g(t + h)| > L h,
+//! ```
+//! in particular if |g| > L h/2 at both. A part of a step of which this does not hold is divided, until it holds of all parts or a
+//! part is as short as four roundings of the time. The [`Certificate`] of the function says so; about 35 L/|dg/dt| parts are made before
+//! an event and as many after it. A function that touches zero, or stays near it, cannot be certified in any number of parts that can be made: after
+//! 20 000 the step is searched without the bound, and the certificate says where. A bound that two points of the motion contradict,
+//! |g(t₂) − g(t₁)| > L |t₂ − t₁|, ends the run with [`WatchError::Violated`].
 
 use super::guard::Guard;
 use super::search::{EventSearch, Retrace, Trail};
 use crate::driver::{Flow, IntegrateError, Observer, Step};
 use crate::state::{Configuration, State};
+use somersault_core::argument::{ArgumentError, expect_not_negative};
 
 /// Difference of time by which rates are taken, relative to a step and to the time.
 const NUDGE: (f64, f64) = (1e-6, 2e-9);
@@ -27,6 +43,10 @@ const TOUCH: f64 = 1e-6;
 
 /// A function that is no farther from zero than this many roundings of its size in a step is zero.
 const ROUNDINGS: f64 = 16.0;
+
+/// Two values contradict a bound where they differ by more than it allows and by this part of what it allows in the step besides,
+/// which is far above the rounding of what functions are computed from.
+const EXCESS: f64 = 1e-9;
 
 /// Which changes of sign are events.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
@@ -41,12 +61,60 @@ pub enum Direction {
 }
 
 /// What is done about the changes of sign of a function.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct WatchRule {
     /// Which of them are events.
     pub direction: Direction,
     /// The run ends at the event of this number, counted from 1; `None` for no end.
     pub terminal: Option<u64>,
+    /// A bound of |dg/dt| along the motion, in units of the function per second, with which no event is missed; `None` where none is known.
+    pub lipschitz: Option<f64>,
+}
+
+/// Whether events of a function may have been missed between the ends of steps.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Certificate {
+    /// It has no bound: its values and rates at the ends of steps were trusted.
+    Unbounded,
+    /// None was missed, if the bound holds.
+    Certified,
+    /// It has a bound, which did not suffice in the step between these times, the first of its kind.
+    Unproved {
+        /// Start of the step.
+        from: f64,
+        /// Its end.
+        to: f64,
+    },
+}
+
+impl Certificate {
+    /// Of a function before the first step.
+    pub fn at_start(rule: &WatchRule) -> Self {
+        match rule.lipschitz {
+            Some(_) => Self::Certified,
+            None => Self::Unbounded,
+        }
+    }
+}
+
+/// What the watch of a run needs that continues another one: counts of events, signs and certificates.
+#[derive(Debug, Clone, PartialEq)]
+pub struct WatchProgress {
+    counts: Vec<u64>,
+    last: Option<Vec<f64>>,
+    certificates: Vec<Certificate>,
+}
+
+impl WatchProgress {
+    /// For a run that continues from another state, where functions may have other signs.
+    pub fn from_another_state(self) -> Self {
+        Self { last: None, ..self }
+    }
+
+    /// Whether events of each function may have been missed.
+    pub fn certificates(&self) -> &[Certificate] {
+        &self.certificates
+    }
 }
 
 /// A change of sign of a function that is watched.
@@ -67,6 +135,8 @@ pub struct Watched<Q: Configuration> {
     pub occurrences: Vec<Occurrence<Q>>,
     /// The function whose event ended the run, if one did.
     pub ended_by: Option<usize>,
+    /// Whether events of each function may have been missed.
+    pub certificates: Vec<Certificate>,
 }
 
 /// Why a watch ended a run.
@@ -82,12 +152,39 @@ pub enum WatchError {
         /// Its value.
         found: f64,
     },
+    /// The bound of a function is not one.
+    #[error("the event function {function}: {source}")]
+    Lipschitz {
+        /// Which function.
+        function: usize,
+        /// What is wrong.
+        source: ArgumentError,
+    },
+    /// A function changes faster than its bound allows.
+    #[error(
+        "`lipschitz` = {lipschitz} of the event function {function} is too small: it changes from {} to {} between t = {} and {}",
+        values.0, values.1, times.0, times.1
+    )]
+    Violated {
+        /// Which function.
+        function: usize,
+        /// Its bound.
+        lipschitz: f64,
+        /// Two times.
+        times: (f64, f64),
+        /// The values then.
+        values: (f64, f64),
+    },
     /// A part of a step could not be made.
     #[error(transparent)]
     Integrate(#[from] IntegrateError),
     /// Events are too many to be told apart.
-    #[error("the events in the step of {h:e} from t = {t} could not be told apart in {parts} parts")]
+    #[error(
+        "the events of function {function} in the step of {h:e} from t = {t} could not be told apart in {parts} parts"
+    )]
     Unproved {
+        /// Which function.
+        function: usize,
         /// Start of the step.
         t: f64,
         /// Its length.
@@ -128,7 +225,7 @@ struct Point<Q: Configuration> {
 /// let ball = RigidBodySystem::new(RigidBody::try_box(1.0, Vector3::repeat(0.1))?, Gravity::earth());
 /// let mut start = RigidBodyState::default();
 /// start.rate.linear = Vector3::new(0.0, 0.0, 9.81);
-/// let back = WatchRule { direction: Direction::Falling, terminal: Some(1) };
+/// let back = WatchRule { direction: Direction::Falling, terminal: Some(1), ..WatchRule::default() };
 /// let mut watch = Watch::new(vec![WatchRule::default(), back], |_, x: &RigidBodyState, out: &mut [f64]| {
 ///     (out[0], out[1]) = (x.velocity().z, x.position().z);
 /// });
@@ -148,7 +245,7 @@ pub struct Watch<Q: Configuration, F> {
     functions: F,
     /// How many events of each there were.
     counts: Vec<u64>,
-    /// The values at the end of the last step.
+    /// The values at the end of the last step; `None` where they are to be read there.
     last: Option<Vec<f64>>,
     trail: Option<Trail<Point<Q>>>,
     found: Watched<Q>,
@@ -159,8 +256,27 @@ impl<Q: Configuration, F: FnMut(f64, &State<Q>, &mut [f64])> Watch<Q, F> {
     /// A watch of as many functions as there are rules; `functions` writes their values at a time and a state.
     pub fn new(rules: Vec<WatchRule>, functions: F) -> Self {
         let counts = vec![0; rules.len()];
-        let found = Watched { occurrences: Vec::new(), ended_by: None };
+        let certificates = rules.iter().map(Certificate::at_start).collect();
+        let found = Watched { occurrences: Vec::new(), ended_by: None, certificates };
         Self { rules, functions, counts, last: None, trail: None, found, fault: None }
+    }
+
+    /// The same for a run that continues one from where that ended, under the same rules.
+    pub fn resuming(mut self, progress: WatchProgress) -> Self {
+        let WatchProgress { counts, last, certificates } = progress;
+        (self.counts, self.last, self.found.certificates) = (counts, last, certificates);
+        self
+    }
+
+    /// What a run that continues from where this one is has to know.
+    pub fn progress(&self) -> WatchProgress {
+        let Self { counts, last, found, .. } = self;
+        WatchProgress { counts: counts.clone(), last: last.clone(), certificates: found.certificates.clone() }
+    }
+
+    /// Takes the events found since the last call.
+    pub fn take_occurrences(&mut self) -> Vec<Occurrence<Q>> {
+        std::mem::take(&mut self.found.occurrences)
     }
 
     /// What was found.
@@ -191,7 +307,10 @@ impl<Q: Configuration, F: FnMut(f64, &State<Q>, &mut [f64])> Watch<Q, F> {
         let along = (t_after - t).signum();
         let difference = (NUDGE.0 * h).max(NUDGE.1 * t.abs().max(t_after.abs())).min(0.125 * h);
         let (first, end) = (step.before.clone(), step.after.clone());
-        let mut parts = Parts { step, functions: &mut self.functions, count, t, h, along, difference };
+        let bounds = self.rules.iter().map(|rule| rule.lipschitz).collect();
+        let mut parts =
+            Parts { step, functions: &mut self.functions, count, t, h, along, difference, bounds };
+        parts.check_bounds()?;
         let known = self.last.take();
         let mut before = parts.point(0.0, first, known.as_deref())?;
         if known.is_none() {
@@ -201,15 +320,20 @@ impl<Q: Configuration, F: FnMut(f64, &State<Q>, &mut [f64])> Watch<Q, F> {
         parts.round_to_zero(&before, &mut after);
         self.last = Some(after.guards.iter().map(|guard| guard.gap).collect());
         let trail = self.trail.get_or_insert_with(|| Trail::new(parts.blank()));
-        let mut changes = parts.changes(trail, before, &after)?;
+        let mut changes = parts.changes(trail, &before, &after)?;
+        for (function, certificate) in self.found.certificates.iter_mut().enumerate() {
+            if *certificate == Certificate::Certified && parts.bounds[function].is_none() {
+                *certificate = Certificate::Unproved { from: t, to: t_after };
+            }
+        }
         drop_touches(&mut parts, &mut changes, &after)?;
-        let mut end = None;
+        let mut end: Option<(f64, State<Q>)> = None;
         for Change { h: at, function, rises, state } in changes {
             let t = if at < h { t + along * at } else { t_after };
             if end.as_ref().is_some_and(|(last, _)| *last != t) {
                 break;
             }
-            let WatchRule { direction, terminal } = self.rules[function];
+            let WatchRule { direction, terminal, .. } = self.rules[function];
             match direction {
                 Direction::Rising if !rises => continue,
                 Direction::Falling if rises => continue,
@@ -221,6 +345,10 @@ impl<Q: Configuration, F: FnMut(f64, &State<Q>, &mut [f64])> Watch<Q, F> {
                 end = Some((t, state.clone()));
             }
             self.found.occurrences.push(Occurrence { function, t, state });
+        }
+        if end.as_ref().is_some_and(|(t, _)| *t != t_after) {
+            // a run that continues from there reads the values there
+            self.last = None;
         }
         Ok(end)
     }
@@ -291,12 +419,22 @@ struct Parts<'a, 's, Q: Configuration, F> {
     along: f64,
     /// Difference of time for rates.
     difference: f64,
+    /// The bounds of the functions by which they are proved clear.
+    bounds: Vec<Option<f64>>,
 }
 
 impl<Q: Configuration, F: FnMut(f64, &State<Q>, &mut [f64])> Parts<'_, '_, Q, F> {
     /// A point to be overwritten.
     fn blank(&self) -> Point<Q> {
         Point { state: self.step.before.clone(), guards: Vec::new() }
+    }
+
+    /// Errors where a bound is not one.
+    fn check_bounds(&self) -> Result<(), WatchError> {
+        self.bounds.iter().enumerate().try_for_each(|(function, bound)| {
+            let checked = bound.map(|bound| expect_not_negative("lipschitz", bound)).transpose();
+            checked.map(|_| ()).map_err(|source| WatchError::Lipschitz { function, source })
+        })
     }
 
     /// Makes the part of the first h of the step.
@@ -379,18 +517,34 @@ impl<Q: Configuration, F: FnMut(f64, &State<Q>, &mut [f64])> Parts<'_, '_, Q, F>
         rates
     }
 
-    /// All changes of sign within the step, in their order.
+    /// All changes of sign within the step, in their order. A function that its bound does not suffice for is searched without it.
     fn changes(
         &mut self,
         trail: &mut Trail<Point<Q>>,
-        mut near: Point<Q>,
+        before: &Point<Q>,
         after: &Point<Q>,
     ) -> Result<Vec<Change<Q>>, WatchError> {
-        let (h, mut from, mut changes) = (self.h, 0.0, Vec::new());
+        loop {
+            match self.search(trail, before, after) {
+                Err(WatchError::Unproved { function, .. }) if self.bounds[function].is_some() => {
+                    self.bounds[function] = None;
+                }
+                found => return found,
+            }
+        }
+    }
+
+    fn search(
+        &mut self,
+        trail: &mut Trail<Point<Q>>,
+        before: &Point<Q>,
+        after: &Point<Q>,
+    ) -> Result<Vec<Change<Q>>, WatchError> {
+        let (h, mut from, mut changes, mut reached) = (self.h, 0.0, Vec::new(), None);
         let tolerance = 2.0 * f64::EPSILON * self.t.abs().max((self.t + self.along * h).abs());
         loop {
-            let step = &mut *self;
-            let mut search = EventSearch { step, trail, from, before: &near, graze: 0.0, tolerance };
+            let (step, near) = (&mut *self, reached.as_ref().unwrap_or(before));
+            let mut search = EventSearch { step, trail, from, before: near, graze: 0.0, tolerance };
             let Some(at) = search.earliest(h, after)? else { return Ok(changes) };
             let mut far = self.blank();
             if at < h {
@@ -404,10 +558,15 @@ impl<Q: Configuration, F: FnMut(f64, &State<Q>, &mut [f64])> Parts<'_, '_, Q, F>
                     changes.push(Change { h: at, function, rises: a.is_inside(), state });
                 }
             }
-            if at >= h || at <= from {
+            if at >= h {
                 return Ok(changes);
             }
-            (from, near) = (at, far);
+            if at <= from {
+                // nothing is known of the rest
+                self.bounds.fill(None);
+                return Ok(changes);
+            }
+            (from, reached) = (at, Some(far));
         }
     }
 }
@@ -428,7 +587,25 @@ impl<Q: Configuration, F: FnMut(f64, &State<Q>, &mut [f64])> Retrace for &mut Pa
         self.part(h, out)
     }
 
-    fn unproved(&self, h: f64, parts: u32) -> WatchError {
-        WatchError::Unproved { t: self.t, h, parts }
+    fn lipschitz(&self, guard: usize) -> Option<f64> {
+        self.bounds[guard]
+    }
+
+    fn check(&self, (from, to): (f64, f64), (near, far): (&Point<Q>, &Point<Q>)) -> Result<(), WatchError> {
+        let ends = near.guards.iter().zip(&far.guards);
+        for (function, (bound, (a, b))) in self.bounds.iter().zip(ends).enumerate() {
+            let Some(lipschitz) = *bound else { continue };
+            let size = a.gap.abs() + b.gap.abs() + lipschitz * (self.t.abs() + self.h);
+            let rounding = EXCESS * lipschitz * self.h + ROUNDINGS * f64::EPSILON * size;
+            if (b.gap - a.gap).abs() > lipschitz * (to - from) + rounding {
+                let times = (self.t + self.along * from, self.t + self.along * to);
+                return Err(WatchError::Violated { function, lipschitz, times, values: (a.gap, b.gap) });
+            }
+        }
+        Ok(())
+    }
+
+    fn unproved(&self, h: f64, parts: u32, function: usize) -> WatchError {
+        WatchError::Unproved { function, t: self.t, h, parts }
     }
 }

@@ -143,7 +143,7 @@ impl<H: Hybrid> Retrace for StepFrom<'_, '_, H> {
         self.worker.frozen.sweeps(self.t + start, width, (&ends.0.state, &ends.1.state), out);
     }
 
-    fn unproved(&self, h: f64, parts: u32) -> Self::Error {
+    fn unproved(&self, h: f64, parts: u32, _guard: usize) -> Self::Error {
         Interruption::Unproved { t: self.t, h, parts }
     }
 }

@@ -9,6 +9,7 @@
 //! Which methods take a system, and in which variables, says the system itself ([`System::Forms`]).
 
 pub use crate::adams::StartUp;
+use crate::doubling::{check_adaptive, hand_over};
 use crate::engine::{Engine, FormEngine};
 use crate::error::IntegrateError;
 use crate::state::{Configuration, State};
@@ -296,6 +297,8 @@ impl fmt::Display for Method {
 /// Hands a method and the form that it integrates to a driver as an [`Engine`].
 struct Engage<'a, Q: Configuration, R> {
     initial: &'a State<Q>,
+    /// Whether steps are to be adapted, for which those of a method without estimate are doubled.
+    is_adapted: bool,
     run: &'a mut dyn FnMut(&mut dyn Engine<Q>) -> R,
 }
 
@@ -306,7 +309,7 @@ impl<Q: Configuration, R> Visitor<Q> for Engage<'_, Q, R> {
         let encode = |x: &_, out: &mut _| form.encode_into(x, out);
         let initial = form.encode(self.initial);
         let mut engine = FormEngine::start(&form, &stepper, form.decoder(), &encode, initial)?;
-        Ok((self.run)(&mut engine))
+        hand_over(&mut engine, self.is_adapted, self.initial, self.run)
     }
 
     fn visit_embedded<B: Form<Q>, M: EmbeddedStepper<B>>(self, form: B, stepper: M) -> Self::Output {
@@ -329,25 +332,31 @@ impl Method {
         initial: &StateOf<S>,
         run: &mut dyn FnMut(&mut dyn Engine<S::Configuration>) -> R,
     ) -> Result<R, IntegrateError> {
-        let engaged = S::Forms::visit(self, options, system, Engage { initial, run });
-        Ok(engaged.ok_or(IntegrateError::RigidBodiesOnly { method: self.info().name })??)
+        self.engage_with(options, system, Engage { initial, is_adapted: false, run })
     }
 
-    /// As [`engage`](Self::engage) for adapted steps.
+    /// As [`engage`](Self::engage) for adapted steps, which are [doubled](crate::doubling) where the method has no estimate of its error.
     ///
-    /// Errors with [`IntegrateError::NoErrorEstimate`] where the method has no estimate of its error.
-    pub fn engage_embedded<S: System<Forms: Forms<S>>, R>(
+    /// Errors besides with [`IntegrateError::NoErrorEstimate`] where the method remembers previous steps.
+    pub fn engage_adapted<S: System<Forms: Forms<S>>, R>(
         self,
         options: Options,
         system: &S,
         initial: &StateOf<S>,
         run: &mut dyn FnMut(&mut dyn Engine<S::Configuration>) -> R,
     ) -> Result<R, IntegrateError> {
-        let MethodInfo { name: method, embedded, .. } = self.info();
-        match embedded {
-            Some(_) => self.engage(options, system, initial, run),
-            None => Err(IntegrateError::NoErrorEstimate { method }),
-        }
+        check_adaptive(&self.info())?;
+        self.engage_with(options, system, Engage { initial, is_adapted: true, run })
+    }
+
+    fn engage_with<S: System<Forms: Forms<S>>, R>(
+        self,
+        options: Options,
+        system: &S,
+        engage: Engage<'_, S::Configuration, R>,
+    ) -> Result<R, IntegrateError> {
+        let engaged = S::Forms::visit(self, options, system, engage);
+        Ok(engaged.ok_or(IntegrateError::RigidBodiesOnly { method: self.info().name })??)
     }
 }
 

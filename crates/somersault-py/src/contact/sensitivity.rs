@@ -7,10 +7,10 @@ use crate::core::value::{Pickled, by_restore, value};
 use crate::integrators::bodies::{RigidBody, State};
 use crate::integrators::event::Event;
 use crate::integrators::forces::models::Reader;
-use crate::integrators::integrate::stretched;
 use crate::integrators::methods;
 use crate::integrators::monitor::Monitor;
 use crate::integrators::plan::{Plan, StepArguments};
+use crate::integrators::problem::stretched_as_given;
 use crate::multibody::kinematics::write;
 use numpy::PyArrayDyn;
 use numpy::prelude::*;
@@ -328,7 +328,7 @@ pub(crate) fn differentiate(
     let (count, options) = (contacts.len(), Options::default());
     let system = BodyInContact::new(body.0, (models, contacts));
     let location = Location { max_event_rate, ..Location::default() };
-    let initial = stretched(&WithStretches(&system), stretches, interval.0, state.0)?;
+    let initial = stretched_as_given(&WithStretches(&system), stretches, interval.0, state.0)?;
     let by = Differentiation { parameters, grazing, stretches: initial.rate.variables.clone() };
     let plan = Plan {
         method,

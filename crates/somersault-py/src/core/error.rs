@@ -310,7 +310,9 @@ impl From<WatchError> for Error {
     fn from(error: WatchError) -> Self {
         match error {
             WatchError::Integrate(error) => error.into(),
-            WatchError::NonFinite { .. } => Self::own(Class::Input, &error),
+            WatchError::NonFinite { .. } | WatchError::Lipschitz { .. } | WatchError::Violated { .. } => {
+                Self::own(Class::Input, &error)
+            }
             WatchError::Unproved { .. } => Self::own(Class::Integration, &error),
         }
     }

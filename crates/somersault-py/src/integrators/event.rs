@@ -58,13 +58,18 @@ impl Event {
         event: &events::Event<Q, EventKind>,
     ) -> PyResult<Self> {
         let state = Q::to_python(py, &event.state)?.unbind();
-        Ok(Self {
-            t: event.t,
-            contact: event.guard % contacts.max(1),
-            kind: event.kind.name().to_owned(),
-            impulse: event.impulse,
-            state,
-        })
+        Ok(Self::new_at(event.t, (contacts, event.guard), event.kind, event.impulse, state))
+    }
+
+    /// The change of a guard where there are so many contacts.
+    pub(crate) fn new_at(
+        t: f64,
+        (contacts, guard): (usize, usize),
+        kind: EventKind,
+        impulse: f64,
+        state: Py<PyAny>,
+    ) -> Self {
+        Self { t, contact: guard % contacts.max(1), kind: kind.name().to_owned(), impulse, state }
     }
 }
 

@@ -1,145 +1,80 @@
 //! The front door: integration of one body or of several.
 
 use crate::core::callable::{Failure, callable_name, check_callable, noted};
-use crate::core::convert::{integer, integer_or_none, interval_of, with_shape};
+use crate::core::convert::{integer, integer_or_none, interval_of};
 use crate::core::error::Error;
 use crate::core::waiting::returns_interrupted;
 use crate::integrators::forces::models::Reader;
-use crate::integrators::located::InContact;
 use crate::integrators::methods;
 use crate::integrators::monitor::{Finish, Monitor, ProgressBar, Watch};
 use crate::integrators::plan::{self, Plan, StepArguments, start_up_of};
+use crate::integrators::problem::{Problem, Stretches, Use};
 use crate::integrators::seen::Seen;
-use crate::integrators::solve::{self, Bodies, Ended};
+use crate::integrators::solve::{Bodies, Ended};
 use crate::integrators::trajectory::{Cast, Given, Report, Solution};
 use crate::integrators::watching::EventFunctions;
 use pyo3::prelude::*;
-use somersault::contact::bodies::BodiesInContact;
-use somersault::contact::contacts::BodyInContact;
-use somersault::contact::laws::ContactLaw;
-use somersault::contact::stretches::{Touching, WithStretches};
-use somersault::integrators::counted::Counted;
 use somersault::integrators::events::Location;
-use somersault::integrators::force::BoxedForce;
 use somersault::integrators::methods::{Method, Options};
-use somersault::integrators::nalgebra::Vector3;
-use somersault::integrators::reversal::TimeReversed;
-use somersault::integrators::state::{Pose, State};
-use somersault::integrators::system::{
-    BoxedInteraction, RigidBodiesSystem, RigidBodySystem, RigidSystem, StateOf,
-};
+use somersault::integrators::state::State;
 
 /// Why a run with contacts goes forwards.
 pub(crate) const FORWARD_WITH_CONTACTS: &str = "`interval` must run forward where there are contacts: they dissipate, and many motions lead to one state";
 
-/// A body without forces. Counting would hide from the methods that they can skip the forces.
-struct Free(RigidBodySystem);
-
-impl Bodies for Free {
-    type Configuration = Pose;
-
-    fn solve(&self, initial: &State<Pose>, plan: &Plan, observer: &mut Monitor<Pose>) -> Ended<Pose> {
-        let outcome = solve::integrate(&self.0, initial, plan, observer);
-        let rejected = outcome.as_ref().map_or(0, |outcome| outcome.rejected);
-        let nfev = (observer.steps + rejected) * u64::from(plan.method.info().evaluations);
-        Ended::without_events(outcome, nfev)
-    }
-}
-
-/// Bodies under forces.
-struct Forced<S>(S);
-
-impl<S: RigidSystem<Configuration: Seen> + Sync> Bodies for Forced<S> {
-    type Configuration = S::Configuration;
-
-    fn solve(
-        &self,
-        initial: &StateOf<S>,
-        plan: &Plan,
-        observer: &mut Monitor<S::Configuration>,
-    ) -> Ended<S::Configuration> {
-        let system = Counted::new(&self.0);
-        let outcome = solve::integrate(&system, initial, plan, observer);
-        Ended::without_events(outcome, system.calls())
-    }
-}
-
-/// What looks at a run as Python asks for it.
-struct Watching {
+/// A run as Python asks for it.
+struct Requested<'py> {
+    py: Python<'py>,
+    cast: Cast,
+    /// But for whether forces call Python.
+    plan: Plan,
     observer: Option<Py<PyAny>>,
     events: Option<EventFunctions>,
-    progress: Option<ProgressBar>,
+    progress: bool,
     failure: Failure,
-}
-
-fn run<B: Bodies>(
-    py: Python<'_>,
-    cast: Cast,
-    bodies: &B,
-    initial: &State<B::Configuration>,
-    plan: &Plan,
-    Watching { observer, events, progress, failure }: Watching,
     given: Given,
-) -> Result<Py<Solution>, Error> {
-    let watch = observer.map(|observer| -> Watch<B::Configuration> {
-        let name = callable_name(observer.bind(py));
-        Box::new(move |py, t, x| {
-            let answer = observer.call1(py, (t, B::Configuration::to_python(py, x)?));
-            let answer = noted(py, answer, || format!("the observer {name} at t = {t}"))?;
-            answer.bind(py).is_truthy()
-        })
-    });
-    let monitor = Monitor::try_new(plan, initial, 13 * cast.bodies.len(), watch, progress, failure)?;
-    let mut monitor = monitor.looking_for(py, events, || {
-        Box::new(|py, t, x| Ok((t, B::Configuration::to_python(py, x)?).into_pyobject(py)?.unbind()))
-    });
-    let Ended { status, rejected, nfev, events } =
-        monitor.supervise(py, plan, |monitor| bodies.solve(initial, plan, monitor))?;
-    let Finish { recorded, curves, watched, steps, status, message, failed } = monitor.finish(py, status);
-    let report = Report { status, message, nfev, n_steps: steps, n_rejected: rejected };
-    let curves = plan.dense.then_some(curves);
-    let solution = Solution::create(py, cast, recorded, curves, watched, report, events, given)?;
-    plan.deliver(py, failed, solution)
 }
 
-/// Forces as they are, or those of reversed time.
-pub(crate) fn either_way(models: Vec<BoxedForce>, backwards: bool) -> Vec<BoxedForce> {
-    let turned =
-        |model: BoxedForce| -> BoxedForce { if backwards { Box::new(TimeReversed(model)) } else { model } };
-    models.into_iter().map(turned).collect()
-}
+impl Use for Requested<'_> {
+    type Output = Py<Solution>;
 
-/// A state with the stretches that an argument asks for.
-pub(crate) fn stretched<S: Touching>(
-    system: &WithStretches<S>,
-    stretches: Option<&Bound<'_, PyAny>>,
-    t: f64,
-    x: StateOf<S>,
-) -> Result<StateOf<WithStretches<S>>, Error> {
-    let Some(given) = stretches else { return Ok(system.unstretched(x)) };
-    if given.extract::<&str>().is_ok_and(|word| word == "loaded") {
-        return Ok(system.loaded(t, x));
+    fn with<B: Bodies>(
+        self,
+        bodies: B,
+        initial: State<B::Configuration>,
+        calls_python: bool,
+    ) -> Result<Py<Solution>, Error> {
+        let Self { py, cast, plan, observer, events, progress, failure, given } = self;
+        let plan = Plan { calls_python, ..plan };
+        let (start, end) = plan.interval();
+        let bar = if progress { Some(ProgressBar::open(py, start, end)?) } else { None };
+        let watch = observer.map(|observer| -> Watch<B::Configuration> {
+            let name = callable_name(observer.bind(py));
+            Box::new(move |py, t, x| {
+                let answer = observer.call1(py, (t, B::Configuration::to_python(py, x)?));
+                let answer = noted(py, answer, || format!("the observer {name} at t = {t}"))?;
+                answer.bind(py).is_truthy()
+            })
+        });
+        let monitor = Monitor::try_new(&plan, &initial, 13 * cast.bodies.len(), watch, bar, failure)?;
+        let mut monitor = monitor.looking_for(py, events, || {
+            Box::new(|py, t, x| Ok((t, B::Configuration::to_python(py, x)?).into_pyobject(py)?.unbind()))
+        });
+        let Ended { status, rejected, events } =
+            monitor.supervise(py, &plan, |monitor| bodies.solve(&initial, &plan, monitor))?;
+        let nfev = bodies.evaluations(&plan, monitor.steps + rejected);
+        let Finish { recorded, curves, watched, steps, status, message, failed } = monitor.finish(py, status);
+        let report = Report { status, message, nfev, n_steps: steps, n_rejected: rejected };
+        let curves = plan.dense.then_some(curves);
+        let solution = Solution::create(py, cast, recorded, curves, watched, report, events, given)?;
+        plan.deliver(py, failed, solution)
     }
-    let count = system.0.laws().count();
-    let values = with_shape("stretches", &[count, 3], given)?;
-    let stretches = values.chunks_exact(3).map(Vector3::from_column_slice).collect();
-    Ok(system.stretched(x, stretches)?)
-}
-
-/// Refuses friction with a stretch where forces switch with the state, which has no place for it.
-fn without_stretch<'a>(laws: impl IntoIterator<Item = &'a ContactLaw>) -> Result<(), Error> {
-    if laws.into_iter().any(|law| law.friction().has_stretch()) {
-        return Err(Error::input(
-            "`locate` must be true where friction is a CoulombFriction with stiffness: it has a state of its own",
-        ));
-    }
-    Ok(())
 }
 
 /// Motion of one rigid body, or of several, under forces.
 ///
 /// Integrates m r̈ = F, Ṙ = ω̂ R and I ω̇ = M − ω × I ω from `state` over `interval`, with a fixed step
-/// `dt` or, where `dt` is left out, with steps adapted to `rtol` and `atol`.
+/// `dt` or, where `dt` is left out, with steps adapted to `rtol` and `atol`: by an estimate of the method's own, or, for other
+/// one-step methods, by step doubling.
 ///
 /// Parameters
 /// ----------
@@ -205,7 +140,8 @@ fn without_stretch<'a>(laws: impl IntoIterator<Item = &'a ContactLaw>) -> Result
 ///     Functions ``event(t, state) -> float`` of which changes of sign are looked for, ``event(t, states)`` for several bodies. A
 ///     function may have attributes as in SciPy: with ``terminal`` true the run ends at its first event, with a number n at the n-th;
 ///     with ``direction`` 1 only changes from negative to positive along the run are events, with -1 only those from positive to
-///     negative. The attributes `t_events` and `y_events` of the solution have them. See the notes.
+///     negative. With ``lipschitz`` a bound L of \|dg/dt\| along the motion, in the unit of the function per second, none is missed. The
+///     attributes `t_events` and `y_events` of the solution have the events, `certified` whether none can have been missed. See the notes.
 /// every : int, optional
 ///     Record every so many steps. The last is always recorded.
 /// observer : callable, optional
@@ -237,6 +173,11 @@ fn without_stretch<'a>(laws: impl IntoIterator<Item = &'a ContactLaw>) -> Result
 /// same sign is searched where its values and rates there suggest that it goes through zero and comes back. A zero at the start is no
 /// event, a zero at the end of a step one, and a touch without a crossing none. Functions are called about three times a step, also
 /// at states a little off the motion, and a few dozen times for each event. What one returns must be finite.
+///
+/// A function with a bound L (``lipschitz``) has no zero between two times h apart where \|g\| at one and \|g\| at the other exceed L h
+/// together. A step of which this does not hold is divided until it holds of all its parts, which takes about 35 L / \|dg/dt\| parts
+/// before an event and as many after it. Where 20 000 parts do not suffice, as for a function that touches zero, `certified` is False and
+/// `unproved` has the step. A bound that two values contradict raises InputError.
 ///
 /// Backwards in time any method makes the steps that it would make with a negative step: it integrates forwards under forces of reversed
 /// time, and with reversed velocities.
@@ -328,12 +269,9 @@ pub(crate) fn integrate<'py>(
         return Err(Error::input(FORWARD_WITH_CONTACTS));
     }
     let failure = Failure::default();
-    let calls_python = observer.is_some() || events.is_some();
-    let mut reader = Reader { failure: failure.clone(), calls_python };
+    let reader = Reader { failure: failure.clone(), calls_python: observer.is_some() || events.is_some() };
     let none = py.None().into_bound(py);
-    let forces = forces.unwrap_or(&none);
-    let bar = |start, end| if progress { ProgressBar::open(py, start, end).map(Some) } else { Ok(None) };
-    let plan = |calls_python| Plan {
+    let plan = Plan {
         method,
         options,
         steps,
@@ -341,76 +279,21 @@ pub(crate) fn integrate<'py>(
         every,
         t_eval,
         dense: dense_output,
-        calls_python,
+        calls_python: true,
         return_interrupted,
     };
-    let location = Location { max_event_rate, keep_events, graze, stiff: plan::stiff_of(max_substeps)? };
-    let observer = observer.map(Bound::unbind);
-    let watching = |progress| Watching { observer, events, progress, failure };
-    if stretches.is_some() && (!locate || contacts.is_none() && pairs.is_none()) {
-        return Err(Error::input("`stretches` are those of contacts that are located, and there are none"));
-    }
+    let problem = Problem {
+        cast: &cast,
+        forces: forces.unwrap_or(&none),
+        interaction,
+        contacts,
+        pairs,
+        locate,
+        location: Location { max_event_rate, keep_events, graze, stiff: plan::stiff_of(max_substeps)? },
+        backwards,
+    };
     let given = Given::of(py, cast.single, contacts, pairs)?;
-    if cast.single {
-        if interaction.is_some() {
-            return Err(Error::input("`interaction` acts between several bodies, and there is one"));
-        }
-        let (body, mut models) = (cast.bodies[0], reader.sum("forces", &cast.bodies[0], forces)?);
-        if pairs.is_some() {
-            return Err(Error::input("`pairs` touch between several bodies, and there is one"));
-        }
-        let contacts = contacts.map(|contacts| reader.contacts("contacts", contacts)).transpose()?;
-        let (plan, bar) = (plan(reader.calls_python), bar(interval.0, interval.1)?);
-        if let Some(contacts) = contacts {
-            if locate {
-                let count = contacts.len();
-                let system = BodyInContact::new(body, (Counted::new(models), contacts));
-                let system = WithStretches(system);
-                let initial = stretched(&system, stretches, interval.0, initial[0])?;
-                let bodies = InContact { system, contacts: count, location };
-                return run(py, cast, &bodies, &initial, &plan, watching(bar), given);
-            }
-            without_stretch(contacts.iter().map(|contact| contact.law()))?;
-            models.push(Box::new(contacts));
-        }
-        if models.is_empty() {
-            let bodies = Free(RigidBodySystem::free(body));
-            run(py, cast, &bodies, &initial[0], &plan, watching(bar), given)
-        } else {
-            let bodies = Forced(RigidBodySystem::new(body, either_way(models, backwards)));
-            run(py, cast, &bodies, &initial[0], &plan, watching(bar), given)
-        }
-    } else {
-        let each = reader.for_each("forces", &cast.bodies, forces)?;
-        let initial = State::from_bodies(&initial);
-        if contacts.is_some() || pairs.is_some() {
-            if interaction.is_some() {
-                return Err(Error::input(
-                    "`interaction` cannot be given together with `contacts` or `pairs`",
-                ));
-            }
-            let contacts = reader.body_contacts(cast.bodies.len(), contacts, pairs)?;
-            let (plan, bar) = (plan(reader.calls_python), bar(interval.0, interval.1)?);
-            if !locate {
-                without_stretch(contacts.laws())?;
-                let between: BoxedInteraction = Box::new(contacts);
-                let bodies = Forced(RigidBodiesSystem::try_new(cast.bodies.clone(), each, between)?);
-                return run(py, cast, &bodies, &initial, &plan, watching(bar), given);
-            }
-            let count = contacts.len();
-            let each = each.into_iter().map(Counted::new).collect();
-            let system = WithStretches(BodiesInContact::try_new(cast.bodies.clone(), each, contacts)?);
-            let initial = stretched(&system, stretches, interval.0, initial)?;
-            let bodies = InContact { system, contacts: count, location };
-            return run(py, cast, &bodies, &initial, &plan, watching(bar), given);
-        }
-        let mut between = reader.between(interaction)?;
-        let each = each.into_iter().map(|models| either_way(models, backwards)).collect();
-        if backwards {
-            between = Box::new(TimeReversed(between));
-        }
-        let bodies = Forced(RigidBodiesSystem::try_new(cast.bodies.clone(), each, between)?);
-        let (plan, bar) = (plan(reader.calls_python), bar(interval.0, interval.1)?);
-        run(py, cast, &bodies, &initial, &plan, watching(bar), given)
-    }
+    let observer = observer.map(Bound::unbind);
+    let requested = Requested { py, cast: cast.clone(), plan, observer, events, progress, failure, given };
+    problem.using(reader, interval.0, &initial, &Stretches::Argument(stretches), requested)
 }

@@ -1,7 +1,6 @@
 //! Runs of bodies in contact, whose events are located.
 
 use crate::integrators::event::Events;
-use crate::integrators::monitor::Monitor;
 use crate::integrators::plan::Plan;
 use crate::integrators::seen::Seen;
 use crate::integrators::solve::{Bodies, Ended};
@@ -10,6 +9,7 @@ use somersault::contact::contacts::BodyInContact;
 use somersault::contact::stretches::{Touching, WithStretches};
 use somersault::integrators::augmented::Augmented;
 use somersault::integrators::counted::Counted;
+use somersault::integrators::driver::Observer;
 use somersault::integrators::events::{Interrupted, Located, Location};
 use somersault::integrators::force::BoxedForce;
 use somersault::integrators::state::State;
@@ -50,14 +50,17 @@ impl Evaluated for BodiesInContact<CountedForces> {
 /// The bodies with the stretches of their contacts.
 type Held<S> = Augmented<<S as System>::Configuration>;
 
-impl<S: Touching<Configuration: Seen> + Evaluated + Sync> Bodies for InContact<S> {
+impl<S> Bodies for InContact<S>
+where
+    S: Touching<Configuration: Seen> + Evaluated + Send + Sync + 'static,
+{
     type Configuration = Held<S>;
 
     fn solve(
         &self,
         initial: &State<Held<S>>,
         plan: &Plan,
-        observer: &mut Monitor<Held<S>>,
+        observer: &mut dyn Observer<Held<S>>,
     ) -> Ended<Held<S>> {
         let run = plan.run(&self.system).locating(self.location).observed_by(observer);
         let (status, located) = match run.from(initial) {
@@ -69,6 +72,14 @@ impl<S: Touching<Configuration: Seen> + Evaluated + Sync> Bodies for InContact<S
         };
         let Located { rejected, trials, substeps, event_count, events, .. } = located;
         let events = Events { trials, substeps, count: event_count, contacts: self.contacts, events };
-        Ended { status, rejected, nfev: self.system.0.evaluations(), events }
+        Ended { status, rejected, events }
+    }
+
+    fn evaluations(&self, _: &Plan, _: u64) -> u64 {
+        self.system.0.evaluations()
+    }
+
+    fn contacts(&self) -> usize {
+        self.contacts
     }
 }

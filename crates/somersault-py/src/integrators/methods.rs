@@ -44,9 +44,10 @@ value! {
         evaluations: u8 = |own| own.0.info().evaluations;
         /// int: How many previous steps it remembers.
         history: u8 = |own| own.0.info().history;
-        /// bool: Whether it estimates its error, and so can adapt its step.
-        adaptive: bool = |own| own.0.info().embedded.is_some();
-        /// int or None: Order of the error estimate.
+        /// bool: Whether its steps can be adapted: by its own estimate of the error, or, if it remembers no previous steps, by step
+        /// doubling, where each step is made whole and as two halves.
+        adaptive: bool = |own| own.0.info().is_adaptive();
+        /// int or None: Order of the error estimate of its own; None for a method without one.
         embedded_order: Option<u8> = |own| own.0.info().embedded;
         /// bool: Whether each step solves an equation.
         implicit: bool = |own| own.0.info().implicit;
@@ -127,6 +128,15 @@ fn order(benign: [u8; 2], general: [Option<u8>; 2]) -> String {
     if of_rate == of_configuration { of_configuration } else { format!("{of_configuration}; {of_rate}") }
 }
 
+/// How steps are chosen.
+fn steps(info: &stepper::MethodInfo) -> &'static str {
+    match (info.embedded, info.is_adaptive()) {
+        (Some(_), _) => "fixed, adaptive",
+        (None, true) => "fixed, doubled",
+        (None, false) => "fixed",
+    }
+}
+
 fn on_r3(info: &stepper::MethodInfo) -> String {
     let orders = [info.orders, info.rate_orders];
     let general = orders.map(|o| Some(o.translation_with_velocity.min(o.translation_with_orientation)));
@@ -197,7 +207,7 @@ impl MethodTable {
                     info.dense_order.to_string(),
                     info.evaluations.to_string(),
                     row.variables().to_owned(),
-                    if row.adaptive() { "fixed, adaptive" } else { "fixed" }.to_owned(),
+                    steps(&info).to_owned(),
                     row.scope().to_owned(),
                 ]
             })
@@ -222,7 +232,8 @@ impl MethodTable {
 /// The table of methods.
 ///
 /// Orders in brackets hold where forces depend on the velocity or the orientation, or under torque; after a semicolon stand
-/// those of the velocities, where they are others. Within steps, by dense output, the order is the lower of the two.
+/// those of the velocities, where they are others. Within steps, by dense output, the order is the lower of the two. Steps are adapted
+/// by an estimate of the method's own, or by step doubling.
 ///
 /// Returns
 /// -------

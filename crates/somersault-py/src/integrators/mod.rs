@@ -10,6 +10,7 @@ pub(crate) mod located;
 pub(crate) mod methods;
 pub(crate) mod monitor;
 pub(crate) mod plan;
+pub(crate) mod problem;
 pub(crate) mod seen;
 pub(crate) mod solve;
 pub(crate) mod stepper;

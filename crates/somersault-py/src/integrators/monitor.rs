@@ -76,6 +76,11 @@ pub(crate) struct Monitor<Q: Configuration> {
     room: u64,
 }
 
+/// How a message says that an event of the function of that name ended a run.
+pub(crate) fn ended_by_event(name: &str, t: f64) -> String {
+    format!("ended by an event of {name} at t = {t}")
+}
+
 /// What is left of a run.
 pub(crate) struct Finish<Q: Configuration> {
     pub(crate) recorded: Solution<Q>,
@@ -187,7 +192,7 @@ impl<Q: Configuration> Monitor<Q> {
             None => status.map_err(PyErr::from),
         };
         let (status, message) = match (&ended, ended_by) {
-            (Ok(_), Some(name)) => (1, format!("ended by an event of {name} at t = {t}")),
+            (Ok(_), Some(name)) => (1, ended_by_event(&name, t)),
             (Ok(Status::Finished), None) => (0, "reached the end of the interval".to_owned()),
             (Ok(Status::Stopped), None) => (1, format!("stopped by the observer at t = {t}")),
             (Err(error), _) if error.is_instance_of::<PyKeyboardInterrupt>(py) => {

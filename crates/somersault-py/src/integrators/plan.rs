@@ -32,6 +32,14 @@ impl Plan {
         Run::new(system, self.method, self.steps).with_options(self.options)
     }
 
+    /// Evaluations of the equations of motion in each step tried.
+    pub(crate) fn evaluations_per_step(&self) -> u64 {
+        match self.steps {
+            Steps::Fixed(_) => u64::from(self.method.info().evaluations),
+            Steps::Adapted { .. } => self.method.info().adapted_evaluations(),
+        }
+    }
+
     /// Start and end.
     pub(crate) fn interval(&self) -> (f64, f64) {
         let (start, end) = self.steps.interval();
@@ -104,11 +112,10 @@ impl StepArguments {
                 Ok(TimeGrid::try_new(interval.0, interval.1, dt)?.into())
             }
             None => {
-                if method.info().embedded.is_none() {
+                if !method.info().is_adaptive() {
                     return Err(Error::input(format!(
-                        "method `{}` has no error estimate to adapt its step by: give it a fixed step `dt`; those with one are {}",
-                        method.info().name,
-                        adaptive_names()
+                        "method `{}` has no error estimate and remembers previous steps, so that its steps are not adapted: give it a fixed step `dt`, or take a one-step method, such as `rkmk8`",
+                        method.info().name
                     )));
                 }
                 let default = Adaptive::default();
@@ -150,13 +157,6 @@ pub(crate) fn stiff_of(max_substeps: Option<i64>) -> Result<StiffSteps, Error> {
             Err(Error::input(format!("`max_substeps` must be positive or None, found {found}")))
         }
     }
-}
-
-/// The adaptive methods, for a message.
-fn adaptive_names() -> String {
-    let names: Vec<_> =
-        Method::ALL.iter().map(|m| m.info()).filter(|i| i.embedded.is_some()).map(|i| i.name).collect();
-    names.join(", ")
 }
 
 /// How the Adams methods start, by its name.

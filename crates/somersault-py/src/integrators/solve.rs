@@ -2,7 +2,6 @@
 
 use crate::core::error::Error;
 use crate::integrators::event::Events;
-use crate::integrators::monitor::Monitor;
 use crate::integrators::plan::Plan;
 use crate::integrators::seen::Seen;
 use somersault::integrators::driver::{IntegrateError, Observer, Outcome, Status};
@@ -15,21 +14,20 @@ use somersault::integrators::system::{StateOf, System};
 pub(crate) struct Ended<Q: Seen> {
     pub(crate) status: Result<Status, Error>,
     pub(crate) rejected: u64,
-    pub(crate) nfev: u64,
     pub(crate) events: Events<Q>,
 }
 
 impl<Q: Seen> Ended<Q> {
     /// Of a run that looks for no events.
-    pub(crate) fn without_events(outcome: Result<Outcome<Q>, IntegrateError>, nfev: u64) -> Self {
+    pub(crate) fn without_events(outcome: Result<Outcome<Q>, IntegrateError>) -> Self {
         let rejected = outcome.as_ref().map_or(0, |outcome| outcome.rejected);
         let status = outcome.map(|outcome| outcome.status).map_err(Into::into);
-        Self { status, rejected, nfev, events: Events::none() }
+        Self { status, rejected, events: Events::none() }
     }
 }
 
 /// Bodies to be integrated, and a count of how often their equations are evaluated.
-pub(crate) trait Bodies: Sync {
+pub(crate) trait Bodies: Send + Sync + 'static {
     /// What moves.
     type Configuration: Seen;
 
@@ -38,8 +36,16 @@ pub(crate) trait Bodies: Sync {
         &self,
         initial: &State<Self::Configuration>,
         plan: &Plan,
-        observer: &mut Monitor<Self::Configuration>,
+        observer: &mut dyn Observer<Self::Configuration>,
     ) -> Ended<Self::Configuration>;
+
+    /// How often the equations were evaluated in a run as planned that has tried so many steps.
+    fn evaluations(&self, plan: &Plan, tried: u64) -> u64;
+
+    /// How many contacts are located.
+    fn contacts(&self) -> usize {
+        0
+    }
 }
 
 /// Runs a system that locates no events; backwards it is that of reversed time.

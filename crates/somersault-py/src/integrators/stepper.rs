@@ -1,27 +1,31 @@
 //! An integration that is made step by step.
 //!
 //! The driver of `integrate` runs on a thread of its own and waits after every step for a request of the next one, so that the
-//! steps are those of `integrate` itself.
+//! steps, the events of functions and those of contacts are those of `integrate` itself.
 
 use crate::core::callable::Failure;
-use crate::core::convert::integer_or_none;
+use crate::core::convert::{array, integer_or_none};
 use crate::core::error::Error;
-use crate::integrators::forces::models::Reader;
-use crate::integrators::integrate::either_way;
+use crate::integrators::event::Event;
+use crate::integrators::forces::models::{Reader, states_list};
 use crate::integrators::methods;
-use crate::integrators::plan::{Plan, StepArguments, start_up_of};
+use crate::integrators::monitor::ended_by_event;
+use crate::integrators::plan::{Plan, StepArguments, start_up_of, stiff_of};
+use crate::integrators::problem::{Problem, Stretches, Use};
 use crate::integrators::seen::{Curves, Seen};
-use crate::integrators::solve;
-use crate::integrators::trajectory::{Cast, DenseOutput, Trajectory};
-use pyo3::exceptions::PyTypeError;
+use crate::integrators::solve::{Bodies, Ended};
+use crate::integrators::trajectory::{Cast, DenseOutput, Trajectory, event_arrays};
+use crate::integrators::watching::{EventFunctions, EventWatch, certified, unproved};
+use pyo3::exceptions::{PyRuntimeError, PyTypeError};
 use pyo3::prelude::*;
-use somersault::integrators::driver::{Flow, IntegrateError, Observer, Step};
+use pyo3::types::PyTuple;
+use somersault::contact::event::EventKind;
+use somersault::integrators::driver::{Flow, Observer, Step};
+use somersault::integrators::events::{Location, WatchProgress};
 use somersault::integrators::methods::{Method, Options};
-use somersault::integrators::reversal::TimeReversed;
-use somersault::integrators::run::{ByMethod, Engages};
+use somersault::integrators::nalgebra::Vector3;
 use somersault::integrators::solution::Solution;
 use somersault::integrators::state::{RigidBodyState, State};
-use somersault::integrators::system::{RigidBodiesSystem, RigidBodySystem, StateOf, System};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::Duration;
@@ -37,11 +41,29 @@ enum Asked {
 
 /// What it answers.
 enum Answer {
-    /// Time and states after a step.
-    Step(f64, Vec<RigidBodyState>),
+    Step(Box<Made>),
     Curve(Curves),
     /// The run is over, by an error or without one.
-    Ended(Option<IntegrateError>),
+    Ended(Option<Error>),
+}
+
+/// A step that was made, and what happened in it.
+struct Made {
+    t: f64,
+    states: Vec<RigidBodyState>,
+    stretches: Vec<Vector3<f64>>,
+    /// The events of functions: which, when, and the states.
+    found: Vec<(usize, f64, Vec<RigidBodyState>)>,
+    /// The function whose event ends the run, if one does.
+    ended_by: Option<usize>,
+    watch: Option<WatchProgress>,
+    /// The changes in contacts at its end: guard, kind and impulse.
+    changes: Vec<(usize, EventKind, f64)>,
+    /// How many contacts there are.
+    contacts: usize,
+    /// Since the run began.
+    rejected: u64,
+    nfev: u64,
 }
 
 /// A driver at work.
@@ -57,14 +79,14 @@ impl Worker {
     /// Starts a thread for a run, which begins with the request of the first step.
     fn start(
         failure: Failure,
-        run: impl FnOnce(Steps) -> Result<(), IntegrateError> + Send + 'static,
+        run: impl FnOnce(Requests) -> Result<(), Error> + Send + 'static,
     ) -> Result<Self, Error> {
         let (asked, requests) = channel();
         let (replies, answers) = channel();
-        let steps = Steps { requests, replies: replies.clone(), failure: failure.clone() };
+        let requests = Requests { requests, replies: replies.clone() };
         let thread = std::thread::Builder::new().name("somersault".to_owned()).spawn(move || {
-            if matches!(steps.requests.recv(), Ok(Asked::Step)) {
-                let ended = run(steps).err();
+            if matches!(requests.requests.recv(), Ok(Asked::Step)) {
+                let ended = run(requests).err();
                 // nobody listens to a run that was given up
                 let _ = replies.send(Answer::Ended(ended));
             }
@@ -96,29 +118,85 @@ impl Worker {
     }
 }
 
-/// Shows the steps requested, and waits after each.
-struct Steps {
-    requests: Receiver<Asked>,
-    replies: Sender<Answer>,
-    failure: Failure,
+impl Drop for Worker {
+    /// Lets a step that is being made end soon: callables are not called any more.
+    fn drop(&mut self) {
+        self.failure.set(PyRuntimeError::new_err("the steps were given up"));
+    }
 }
 
-impl<Q: Seen> Observer<Q> for Steps {
+/// The two ends of the line between a thread that makes steps and who asks for them.
+struct Requests {
+    requests: Receiver<Asked>,
+    replies: Sender<Answer>,
+}
+
+/// Shows the steps requested, with their events, and waits after each.
+struct Steps<'a, Q: Seen> {
+    line: Requests,
+    failure: Failure,
+    events: Option<(EventFunctions, EventWatch<Q>)>,
+    /// Evaluations of a run that has tried so many steps.
+    evaluations: &'a dyn Fn(u64) -> u64,
+    contacts: usize,
+}
+
+impl<Q: Seen> Steps<'_, Q> {
+    /// What is said of a step; a run that ends within it has no changes at its end.
+    fn made(&mut self, step: &Step<'_, Q>) -> Made {
+        let end = step.end();
+        let (t, state) = end.map_or((step.t_after, step.after), |(t, state)| (*t, state));
+        let changes = if end.is_none() { step.changes } else { &[] };
+        let kind = |guard, before, after| EventKind::of_guard(self.contacts, guard, before, after);
+        let changes =
+            changes.iter().map(|c| (c.guard, kind(c.guard, &c.before, &c.after), c.impulse)).collect();
+        let watch = self.events.as_mut().map(|(_, watch)| watch);
+        let (mut found, mut ended_by, mut progress) = (Vec::new(), None, None);
+        if let Some(watch) = watch {
+            let occurrences = watch.take_occurrences().into_iter();
+            found = occurrences.map(|event| (event.function, event.t, Q::split(&event.state))).collect();
+            (ended_by, progress) = (watch.ended_by(), Some(watch.progress()));
+        }
+        Made {
+            t,
+            states: Q::split(state),
+            stretches: Q::stretches(state).to_vec(),
+            found,
+            ended_by,
+            watch: progress,
+            changes,
+            contacts: self.contacts,
+            rejected: step.rejected,
+            nfev: (self.evaluations)(step.index + step.rejected),
+        }
+    }
+}
+
+impl<Q: Seen> Observer<Q> for Steps<'_, Q> {
     fn observe(&mut self, step: &mut Step<'_, Q>) -> Flow {
+        let mut flow = Flow::Continue;
+        if let Some((functions, watch)) = &mut self.events {
+            flow = watch.observe(step);
+            if let Some(reason) = watch.fault() {
+                self.failure.set(functions.error(reason).into());
+            }
+        }
         if self.failure.get().is_some() {
             return Flow::Stop;
         }
-        let mut sent = self.replies.send(Answer::Step(step.t_after, Q::split(step.after)));
+        let made = self.made(step);
+        let t = made.t;
+        let mut sent = self.line.replies.send(Answer::Step(Box::new(made)));
         while sent.is_ok() {
-            match self.requests.recv() {
-                Ok(Asked::Step) => return Flow::Continue,
+            match self.line.requests.recv() {
+                Ok(Asked::Step) => return flow,
                 Ok(Asked::Curve) => {
                     let curve = Solution {
                         times: vec![step.t_before],
                         states: vec![step.before.clone()],
-                        segments: vec![(step.t_after, step.interpolant())],
+                        segments: vec![(t, step.interpolant())],
                     };
-                    sent = self.replies.send(Answer::Curve(Q::curves(curve)));
+                    sent = self.line.replies.send(Answer::Curve(Q::curves(curve)));
                 }
                 Err(_) => break,
             }
@@ -127,16 +205,45 @@ impl<Q: Seen> Observer<Q> for Steps {
     }
 }
 
-/// A worker that runs a system.
-fn worker_of<S>(system: S, initial: StateOf<S>, plan: Plan, failure: Failure) -> Result<Worker, Error>
-where
-    S: System<Configuration: Seen> + Send + 'static,
-    StateOf<S>: Send,
-    ByMethod: Engages<S>,
-{
-    Worker::start(failure, move |mut steps| {
-        solve::integrate(&system, &initial, &plan, &mut steps).map(|_| ())
-    })
+/// A driver at work, and the stretches of contacts that it starts from.
+type Started = (Worker, Vec<Vector3<f64>>);
+
+/// A driver to be started.
+struct Start<'py> {
+    py: Python<'py>,
+    plan: Plan,
+    events: Option<EventFunctions>,
+    watch: Option<WatchProgress>,
+    failure: Failure,
+}
+
+impl Use for Start<'_> {
+    type Output = Started;
+
+    fn with<B: Bodies>(self, bodies: B, initial: State<B::Configuration>, _: bool) -> Result<Started, Error> {
+        let Self { py, plan, events, watch, failure } = self;
+        let stretches = B::Configuration::stretches(&initial).to_vec();
+        let events = events.map(|functions| {
+            let watching = functions.watch(
+                py,
+                Box::new(|py, t, x| Ok((t, B::Configuration::to_python(py, x)?).into_pyobject(py)?.unbind())),
+                &failure,
+            );
+            let watching = match watch {
+                Some(progress) => watching.resuming(progress),
+                None => watching,
+            };
+            (functions, watching)
+        });
+        let worker = Worker::start(failure.clone(), move |line| {
+            let evaluations = |tried| bodies.evaluations(&plan, tried);
+            let contacts = bodies.contacts();
+            let mut steps = Steps { line, failure, events, evaluations: &evaluations, contacts };
+            let Ended { status, .. } = bodies.solve(&initial, &plan, &mut steps);
+            status.map(|_| ())
+        })?;
+        Ok((worker, stretches))
+    }
 }
 
 /// Where an integration is.
@@ -144,17 +251,41 @@ struct Progress {
     t: f64,
     t_old: Option<f64>,
     states: Vec<RigidBodyState>,
+    /// Those of contacts that are located.
+    stretches: Vec<Vector3<f64>>,
     forces: Py<PyAny>,
-    interaction: Option<Py<PyAny>>,
     worker: Option<Worker>,
     n_steps: u64,
-    has_failed: bool,
+    /// Of this worker, and of those before it.
+    counts: Counts,
+    counts_before: Counts,
+    watch: Option<WatchProgress>,
+    /// The events of each function: times, and states of all bodies.
+    found: Vec<(Vec<f64>, Vec<RigidBodyState>)>,
+    /// What happened in contacts, if it is kept, and how often something did.
+    happened: Vec<Py<Event>>,
+    n_events: u64,
+    outcome: Outcome,
+}
+
+/// How often equations were evaluated and steps rejected.
+#[derive(Clone, Copy, Default)]
+struct Counts {
+    nfev: u64,
+    rejected: u64,
+}
+
+/// How it stands with an integration.
+enum Outcome {
+    Running,
+    Finished(String),
+    Failed(String),
 }
 
 /// An integration that is made step by step, as by SciPy's `OdeSolver`.
 ///
-/// The steps are those of `somersault.integrate` with the same arguments. Between them the state and the forces can be changed,
-/// whereupon the method starts afresh from there.
+/// Steps and events are those of `somersault.integrate` with the same arguments. Between steps the state and the forces can be changed,
+/// whereupon the method starts afresh from there, also after a terminal event.
 ///
 /// Parameters
 /// ----------
@@ -172,6 +303,14 @@ struct Progress {
 ///     What acts on the body or the bodies, as in `somersault.integrate`.
 /// interaction : Gravitation or callable, optional
 ///     What acts between several bodies.
+/// contacts, pairs, stretches, locate : optional
+///     What touches, as in `somersault.integrate`; steps end where a contact begins or ends.
+/// max_event_rate, keep_events, graze, max_substeps : optional
+///     As in `somersault.integrate`.
+/// events : callable or sequence of callable, optional
+///     Functions of which changes of sign are looked for, with their attributes ``terminal``, ``direction`` and ``lipschitz`` as in
+///     `somersault.integrate`. The step that a terminal event is in ends there, and with it the integration: `status` is
+///     ``"finished"`` and `message` names the function.
 /// rtol, atol, max_step, first_step : float, optional
 ///     As in `somersault.integrate`.
 /// max_steps : int, optional
@@ -187,7 +326,8 @@ struct Progress {
 /// Notes
 /// -----
 /// A thread waits with the method's memory between steps, which costs some ten microseconds a step; for whole motions take
-/// `somersault.integrate`. A stepper is not copied, pickled or used after a fork. Contacts are those of `somersault.integrate` only.
+/// `somersault.integrate`. A stepper is not copied, pickled or used after a fork. A thread whose stepper is gone ends with the step that
+/// it is making.
 ///
 /// Examples
 /// --------
@@ -206,6 +346,22 @@ struct Progress {
 /// (10.0, 100, array([0., 0., 1.]))
 /// >>> stepper.dense_output()(9.95).angular_velocity.round(6) + 0.0
 /// array([0., 0., 1.])
+///
+/// One that is switched off as soon as the body has turned by a quarter:
+///
+/// >>> def quarter(t, state):
+/// ...     return state.orientation.as_rotvec()[2] - 1.5707963267948966
+/// >>> quarter.terminal = True
+/// >>> stepper = somersault.Stepper(body, somersault.State(), 0.0, 5.0, dt=0.1, forces=thruster, events=quarter)
+/// >>> while stepper.status == "running":
+/// ...     stepper.step()
+/// >>> stepper.message.partition(" at ")[0], round(stepper.t, 9)
+/// ('ended by an event of `events[0]` (quarter)', 3.544907702)
+/// >>> stepper.set_forces(None)
+/// >>> while stepper.status == "running":
+/// ...     stepper.step()
+/// >>> stepper.t, stepper.n_steps, stepper.t_events[0].round(9)
+/// (5.0, 51, array([3.5449077]))
 #[pyclass(frozen, module = "somersault")]
 pub(crate) struct Stepper {
     cast: Cast,
@@ -213,6 +369,12 @@ pub(crate) struct Stepper {
     method: Method,
     options: Options,
     arguments: StepArguments,
+    interaction: Option<Py<PyAny>>,
+    contacts: Option<Py<PyAny>>,
+    pairs: Option<Py<PyAny>>,
+    locate: bool,
+    location: Location,
+    events: Option<EventFunctions>,
     progress: Mutex<Progress>,
 }
 
@@ -222,12 +384,20 @@ impl Stepper {
         self.progress.try_lock().map_err(|_| Error::input("another thread makes a step of this stepper"))
     }
 
-    /// A driver from here on.
-    fn worker(&self, py: Python<'_>, progress: &Progress) -> Result<Worker, Error> {
+    /// A driver from here on, with the stretches given or those of the last state.
+    fn worker(
+        &self,
+        py: Python<'_>,
+        progress: &Progress,
+        stretches: Option<&Bound<'_, PyAny>>,
+    ) -> Result<Started, Error> {
         let (steps, backwards) = self.arguments.either_way(self.method, (progress.t, self.t_bound))?;
+        if backwards && (self.contacts.is_some() || self.pairs.is_some()) {
+            return Err(Error::input(
+                "`t_bound` must be after `t0` where there are contacts: they dissipate, and many motions lead to one state",
+            ));
+        }
         let failure = Failure::default();
-        let mut reader = Reader { failure: failure.clone(), calls_python: false };
-        let forces = progress.forces.bind(py);
         let plan = Plan {
             method: self.method,
             options: self.options,
@@ -239,23 +409,90 @@ impl Stepper {
             calls_python: true,
             return_interrupted: false,
         };
-        if !self.cast.single {
-            let each = reader.for_each("forces", &self.cast.bodies, forces)?;
-            let each = each.into_iter().map(|models| either_way(models, backwards)).collect();
-            let mut between = reader.between(progress.interaction.as_ref().map(|value| value.bind(py)))?;
-            if backwards {
-                between = Box::new(TimeReversed(between));
+        let bind = |value: &'_ Option<Py<PyAny>>| value.as_ref().map(|value| value.bind(py).clone());
+        let [interaction, contacts, pairs] = [&self.interaction, &self.contacts, &self.pairs].map(bind);
+        let problem = Problem {
+            cast: &self.cast,
+            forces: progress.forces.bind(py),
+            interaction: interaction.as_ref(),
+            contacts: contacts.as_ref(),
+            pairs: pairs.as_ref(),
+            locate: self.locate,
+            location: self.location,
+            backwards,
+        };
+        let events = self.events.as_ref().map(|events| events.clone_ref(py));
+        let start = Start { py, plan, events, watch: progress.watch.clone(), failure: failure.clone() };
+        let stretches = match stretches {
+            Some(given) => Stretches::Argument(Some(given)),
+            None => Stretches::Known(progress.stretches.clone()),
+        };
+        let reader = Reader { failure, calls_python: false };
+        problem.using(reader, progress.t, &progress.states, &stretches, start)
+    }
+
+    /// The same, unless the bound of the time is reached.
+    fn worker_unless_over(
+        &self,
+        py: Python<'_>,
+        progress: &Progress,
+        stretches: Option<&Bound<'_, PyAny>>,
+    ) -> Result<Option<Started>, Error> {
+        let is_over = progress.t == self.t_bound;
+        if is_over { Ok(None) } else { self.worker(py, progress, stretches).map(Some) }
+    }
+
+    /// Times and states of the events of functions.
+    fn function_events(&self, py: Python<'_>) -> Result<Option<(Py<PyTuple>, Py<PyTuple>)>, Error> {
+        let progress = self.progress()?;
+        let found = || event_arrays(py, &self.cast, progress.found.iter().cloned());
+        Ok(self.events.as_ref().map(|_| found()).transpose()?)
+    }
+}
+
+impl Progress {
+    /// Puts a driver in the place of the last one; the integration continues unless it is over.
+    fn replace(&mut self, started: Option<Started>) {
+        let Counts { nfev, rejected } = std::mem::take(&mut self.counts);
+        self.counts_before.nfev += nfev;
+        self.counts_before.rejected += rejected;
+        (self.worker, self.t_old) = (None, None);
+        if let Some((worker, stretches)) = started {
+            (self.worker, self.stretches, self.outcome) = (Some(worker), stretches, Outcome::Running);
+        }
+    }
+
+    /// Takes in a step that was made.
+    fn take_in(&mut self, py: Python<'_>, stepper: &Stepper, made: Made) -> Result<(), Error> {
+        let Made { t, states, stretches, found, ended_by, watch, changes, contacts, rejected, nfev } = made;
+        self.n_events += changes.len() as u64;
+        if stepper.location.keep_events && !changes.is_empty() {
+            let state = if stepper.cast.single {
+                Bound::new(py, crate::integrators::bodies::State(states[0]))?.into_any().unbind()
+            } else {
+                states_list(py, &State::from_bodies(&states))?.into_any().unbind()
+            };
+            for (guard, kind, impulse) in changes {
+                let event = Event::new_at(t, (contacts, guard), kind, impulse, state.clone_ref(py));
+                self.happened.push(Py::new(py, event)?);
             }
-            let system = RigidBodiesSystem::try_new(self.cast.bodies.clone(), each, between)?;
-            return worker_of(system, State::from_bodies(&progress.states), plan, failure);
         }
-        let (body, state) = (self.cast.bodies[0], progress.states[0]);
-        let models = either_way(reader.sum("forces", &body, forces)?, backwards);
-        if models.is_empty() {
-            worker_of(RigidBodySystem::free(body), state, plan, failure)
-        } else {
-            worker_of(RigidBodySystem::new(body, models), state, plan, failure)
+        for (function, t, states) in found {
+            let (times, all) = &mut self.found[function];
+            times.push(t);
+            all.extend(states);
         }
+        self.t_old = Some(self.t);
+        (self.t, self.states, self.stretches, self.watch) = (t, states, stretches, watch);
+        self.counts = Counts { nfev, rejected };
+        self.n_steps += 1;
+        let functions = stepper.events.as_ref();
+        if let Some(name) = functions.and_then(|functions| Some(functions.name(ended_by?))) {
+            self.outcome = Outcome::Finished(ended_by_event(&name, t));
+        } else if t == stepper.t_bound {
+            self.outcome = Outcome::Finished(format!("reached `t_bound` = {t}"));
+        }
+        Ok(())
     }
 }
 
@@ -263,8 +500,9 @@ impl Stepper {
 impl Stepper {
     #[new]
     #[pyo3(signature = (
-        body, state, t0, t_bound, *, dt=None, method=None, forces=None, interaction=None, rtol=None, atol=None, max_step=None,
-        first_step=None, max_steps=None, start_up="one_step"
+        body, state, t0, t_bound, *, dt=None, method=None, forces=None, interaction=None, contacts=None, pairs=None, stretches=None,
+        locate=true, max_event_rate=1e9, keep_events=true, graze=1e-6, max_substeps=Some(100_000), events=None, rtol=None, atol=None,
+        max_step=None, first_step=None, max_steps=None, start_up="one_step"
     ))]
     fn new(
         py: Python<'_>,
@@ -276,6 +514,15 @@ impl Stepper {
         method: Option<&Bound<'_, PyAny>>,
         forces: Option<Py<PyAny>>,
         interaction: Option<Py<PyAny>>,
+        contacts: Option<Py<PyAny>>,
+        pairs: Option<Py<PyAny>>,
+        stretches: Option<&Bound<'_, PyAny>>,
+        locate: bool,
+        max_event_rate: f64,
+        keep_events: bool,
+        graze: f64,
+        #[pyo3(from_py_with = integer_or_none)] max_substeps: Option<i64>,
+        events: Option<&Bound<'_, PyAny>>,
         rtol: Option<f64>,
         atol: Option<f64>,
         max_step: Option<f64>,
@@ -287,34 +534,45 @@ impl Stepper {
         let states = cast.states("state", state)?;
         let default = if dt.is_some() { Method::Rkmk } else { Method::Rkmk8B };
         let method = method.map_or(Ok(default), |method| methods::extract("method", method))?;
-        if cast.single && interaction.is_some() {
-            return Err(Error::input("`interaction` acts between several bodies, and there is one"));
-        }
+        let events = events.map(|events| EventFunctions::extract("f(t, state)", events)).transpose()?;
         if t0 == t_bound || !t0.is_finite() || !t_bound.is_finite() {
             return Err(Error::input(format!(
                 "`t_bound` must be a finite time other than `t0`, found {t_bound} from {t0} on"
             )));
         }
+        let n_functions = events.as_ref().map_or(0, EventFunctions::len);
         let stepper = Self {
             cast,
             t_bound,
             method,
             options: Options { start_up: start_up_of(start_up)? },
             arguments: StepArguments { dt, rtol, atol, max_step, first_step, max_steps },
+            interaction,
+            contacts,
+            pairs,
+            locate,
+            location: Location { max_event_rate, keep_events, graze, stiff: stiff_of(max_substeps)? },
+            events,
             progress: Mutex::new(Progress {
                 t: t0,
                 t_old: None,
                 states,
+                stretches: Vec::new(),
                 forces: forces.unwrap_or_else(|| py.None()),
-                interaction,
                 worker: None,
                 n_steps: 0,
-                has_failed: false,
+                counts: Counts::default(),
+                counts_before: Counts::default(),
+                watch: None,
+                found: vec![(Vec::new(), Vec::new()); n_functions],
+                happened: Vec::new(),
+                n_events: 0,
+                outcome: Outcome::Running,
             }),
         };
         // what is wrong with the arguments is said here, not by the first step
-        let worker = stepper.worker(py, &*stepper.progress()?)?;
-        stepper.progress()?.worker = Some(worker);
+        let started = stepper.worker(py, &*stepper.progress()?, stretches)?;
+        stepper.progress()?.replace(Some(started));
         Ok(stepper)
     }
 
@@ -338,42 +596,41 @@ impl Stepper {
     /// True
     fn step(&self, py: Python<'_>) -> Result<(), Error> {
         let mut progress = self.progress()?;
-        if progress.has_failed {
-            return Err(Error::input("a step of this stepper failed: give it another state by `set_state`"));
-        }
-        if progress.t == self.t_bound {
-            return Err(Error::input(format!("the stepper has reached `t_bound` = {}", self.t_bound)));
+        match &progress.outcome {
+            Outcome::Running => {}
+            Outcome::Failed(_) => {
+                return Err(Error::input(
+                    "a step of this stepper failed: give it another state by `set_state`",
+                ));
+            }
+            Outcome::Finished(_) if progress.t == self.t_bound => {
+                return Err(Error::input(format!("the stepper has reached `t_bound` = {}", self.t_bound)));
+            }
+            Outcome::Finished(reason) => {
+                return Err(Error::input(format!(
+                    "the stepper has {reason}: change its forces or its state to continue"
+                )));
+            }
         }
         let worker = match progress.worker.take() {
             Some(worker) => worker,
-            None => self.worker(py, &progress)?,
+            None => self.worker(py, &progress, None)?.0,
         };
         let answer = worker.ask(py, Asked::Step);
-        if let Some(raised) = worker.failure.get() {
-            progress.has_failed = true;
-            return Err(raised.clone_ref(py).into());
-        }
-        match answer {
-            Ok(Answer::Step(t, states)) => {
-                progress.t_old = Some(progress.t);
-                (progress.t, progress.states) = (t, states);
-                progress.n_steps += 1;
+        let error = match (worker.failure.get(), answer) {
+            (Some(raised), _) => raised.clone_ref(py).into(),
+            (None, Ok(Answer::Step(made))) => {
                 progress.worker = Some(worker);
-                Ok(())
+                return progress.take_in(py, self, *made);
             }
-            Ok(Answer::Ended(Some(error))) => {
-                progress.has_failed = true;
-                Err(error.into())
+            (None, Ok(Answer::Ended(Some(error))) | Err(error)) => error,
+            (None, Ok(Answer::Ended(None) | Answer::Curve(_))) => {
+                Error::of_system("the run ended early".to_owned())
             }
-            Ok(Answer::Ended(None) | Answer::Curve(_)) => {
-                progress.has_failed = true;
-                Err(Error::of_system("the run ended early".to_owned()))
-            }
-            Err(error) => {
-                progress.has_failed = true;
-                Err(error)
-            }
-        }
+        };
+        progress.outcome =
+            Outcome::Failed(format!("a step failed after t = {}: {}", progress.t, error.message()));
+        Err(error)
     }
 
     /// The curve of the last step.
@@ -420,6 +677,8 @@ impl Stepper {
     /// ----------
     /// state : State or sequence of State
     ///     The state, one for each body.
+    /// stretches : {'loaded'} or array_like, shape (contacts, 3), optional
+    ///     Stretches of the friction of contacts, as in `somersault.integrate`; unstretched unless given.
     ///
     /// Examples
     /// --------
@@ -430,11 +689,26 @@ impl Stepper {
     /// >>> stepper.step()
     /// >>> stepper.state.position
     /// array([1., 0., 0.])
-    fn set_state(&self, state: &Bound<'_, PyAny>) -> Result<(), Error> {
+    #[pyo3(signature = (state, *, stretches=None))]
+    fn set_state(
+        &self,
+        py: Python<'_>,
+        state: &Bound<'_, PyAny>,
+        stretches: Option<&Bound<'_, PyAny>>,
+    ) -> Result<(), Error> {
         let states = self.cast.states("state", state)?;
         let mut progress = self.progress()?;
-        (progress.states, progress.worker, progress.t_old) = (states, None, None);
-        progress.has_failed = false;
+        let states = std::mem::replace(&mut progress.states, states);
+        let of_contacts = std::mem::take(&mut progress.stretches);
+        let watch = progress.watch.clone();
+        progress.watch = watch.clone().map(WatchProgress::from_another_state);
+        match self.worker_unless_over(py, &progress, stretches) {
+            Ok(started) => progress.replace(started),
+            Err(error) => {
+                (progress.states, progress.stretches, progress.watch) = (states, of_contacts, watch);
+                return Err(error);
+            }
+        }
         Ok(())
     }
 
@@ -458,17 +732,13 @@ impl Stepper {
     fn set_forces(&self, py: Python<'_>, forces: Py<PyAny>) -> Result<(), Error> {
         let mut progress = self.progress()?;
         let before = std::mem::replace(&mut progress.forces, forces);
-        if progress.t != self.t_bound {
-            match self.worker(py, &progress) {
-                Ok(worker) => progress.worker = Some(worker),
-                Err(error) => {
-                    progress.forces = before;
-                    return Err(error);
-                }
+        match self.worker_unless_over(py, &progress, None) {
+            Ok(started) => progress.replace(started),
+            Err(error) => {
+                progress.forces = before;
+                return Err(error);
             }
-            progress.t_old = None;
         }
-        progress.has_failed = false;
         Ok(())
     }
 
@@ -505,16 +775,24 @@ impl Stepper {
         Ok(now.state(py, 0)?)
     }
 
-    /// {'running', 'finished', 'failed'}: Whether steps can be made, `t_bound` is reached, or a step failed.
+    /// {'running', 'finished', 'failed'}: Whether steps can be made, `t_bound` is reached or a terminal event has ended the integration, or
+    /// a step failed.
     #[getter]
     fn status(&self) -> Result<&'static str, Error> {
+        Ok(match self.progress()?.outcome {
+            Outcome::Running => "running",
+            Outcome::Finished(_) => "finished",
+            Outcome::Failed(_) => "failed",
+        })
+    }
+
+    /// str: The same in words, with the reason.
+    #[getter]
+    fn message(&self) -> Result<String, Error> {
         let progress = self.progress()?;
-        Ok(if progress.has_failed {
-            "failed"
-        } else if progress.t == self.t_bound {
-            "finished"
-        } else {
-            "running"
+        Ok(match &progress.outcome {
+            Outcome::Running => format!("at t = {} of {}", progress.t, self.t_bound),
+            Outcome::Finished(reason) | Outcome::Failed(reason) => reason.clone(),
         })
     }
 
@@ -522,6 +800,69 @@ impl Stepper {
     #[getter]
     fn n_steps(&self) -> Result<u64, Error> {
         Ok(self.progress()?.n_steps)
+    }
+
+    /// int: Steps tried and rejected by the step size control, up to the last step that was made.
+    #[getter]
+    fn n_rejected(&self) -> Result<u64, Error> {
+        let progress = self.progress()?;
+        Ok(progress.counts_before.rejected + progress.counts.rejected)
+    }
+
+    /// int: How often the equations of motion were evaluated up to the last step that was made, as `Solution.nfev`.
+    #[getter]
+    fn nfev(&self) -> Result<u64, Error> {
+        let progress = self.progress()?;
+        Ok(progress.counts_before.nfev + progress.counts.nfev)
+    }
+
+    /// tuple of ndarray, or None: The times of the events of each function in `events=` so far, s. None where no functions were given.
+    #[getter]
+    fn t_events(&self, py: Python<'_>) -> Result<Option<Py<PyTuple>>, Error> {
+        Ok(self.function_events(py)?.map(|(times, _)| times))
+    }
+
+    /// tuple of Trajectory, or None: The states at these times, for each function.
+    #[getter]
+    fn y_events(&self, py: Python<'_>) -> Result<Option<Py<PyTuple>>, Error> {
+        Ok(self.function_events(py)?.map(|(_, states)| states))
+    }
+
+    /// tuple of bool, or None: For each function, whether no event can have been missed so far; see `Solution.certified`.
+    #[getter]
+    fn certified<'py>(&self, py: Python<'py>) -> Result<Option<Bound<'py, PyTuple>>, Error> {
+        let progress = self.progress()?;
+        let certificates = self.events.as_ref().map(|events| events.certificates(progress.watch.as_ref()));
+        Ok(certificates.map(|found| certified(py, &found)).transpose()?)
+    }
+
+    /// tuple, or None: For each function start and end of the first step in which its bound did not suffice, s, or None.
+    #[getter]
+    fn unproved<'py>(&self, py: Python<'py>) -> Result<Option<Bound<'py, PyTuple>>, Error> {
+        let progress = self.progress()?;
+        let certificates = self.events.as_ref().map(|events| events.certificates(progress.watch.as_ref()));
+        Ok(certificates.map(|found| unproved(py, &found)).transpose()?)
+    }
+
+    /// tuple of Event: What happened in contacts so far, in the order of time, where events were located and kept.
+    #[getter]
+    fn events<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyTuple>, Error> {
+        let progress = self.progress()?;
+        Ok(PyTuple::new(py, progress.happened.iter().map(|event| event.clone_ref(py)))?)
+    }
+
+    /// int: Number of events in contacts, kept or not.
+    #[getter]
+    fn n_events(&self) -> Result<u64, Error> {
+        Ok(self.progress()?.n_events)
+    }
+
+    /// ndarray, shape (contacts, 3): Stretches of friction at `t`, m, world frame, as `Solution.stretches`.
+    #[getter]
+    fn stretches<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyAny>, Error> {
+        let progress = self.progress()?;
+        let values: Vec<f64> = progress.stretches.iter().flatten().copied().collect();
+        Ok(array(py, values, &[progress.stretches.len(), 3])?.into_any())
     }
 
     fn __repr__(&self) -> Result<String, Error> {

@@ -9,7 +9,9 @@ use crate::integrators::bodies::{RigidBody, State};
 use crate::integrators::event::{Event, Events};
 use crate::integrators::forces::models::Reader;
 use crate::integrators::seen::{Curves, Seen};
-use crate::integrators::watching::EventsByFunction;
+use crate::integrators::watching::{
+    EventsByFunction, PickledCertificate, certified, pickled, unpickled, unproved,
+};
 use crate::multibody::model::Model;
 use numpy::PyArray1;
 use pyo3::exceptions::{PyIndexError, PyTypeError};
@@ -21,6 +23,7 @@ use somersault::contact::contacts::BodyInContact;
 use somersault::contact::stretches::WithStretches;
 use somersault::integrators::body;
 use somersault::integrators::counted::Counted;
+use somersault::integrators::events::Certificate;
 use somersault::integrators::force::BoxedForce;
 use somersault::integrators::nalgebra::Vector3;
 use somersault::integrators::solution;
@@ -432,17 +435,30 @@ struct FunctionEvents {
     times: Py<PyTuple>,
     /// A trajectory for each, of its states.
     states: Py<PyTuple>,
+    certificates: Vec<Certificate>,
 }
 
 impl FunctionEvents {
-    fn of<Q: Seen>(py: Python<'_>, cast: &Cast, each: EventsByFunction<Q>) -> PyResult<Self> {
-        let times = PyTuple::new(py, each.iter().map(|(times, _)| PyArray1::from_slice(py, times)))?;
-        let states = each.into_iter().map(|(times, states)| {
-            Py::new(py, Trajectory::new(cast.clone(), times, states.iter().flat_map(Q::split).collect()))
-        });
-        let states = PyTuple::new(py, states.collect::<PyResult<Vec<_>>>()?)?;
-        Ok(Self { times: times.unbind(), states: states.unbind() })
+    fn of<Q: Seen>(py: Python<'_>, cast: &Cast, found: EventsByFunction<Q>) -> PyResult<Self> {
+        let EventsByFunction { each, certificates } = found;
+        let split = |(times, states): (_, Vec<_>)| (times, states.iter().flat_map(Q::split).collect());
+        let (times, states) = event_arrays(py, cast, each.into_iter().map(split))?;
+        Ok(Self { times, states, certificates })
     }
+}
+
+/// The times and the trajectories of the events of each function, from times and states of all bodies at the first, the second, …
+pub(crate) fn event_arrays(
+    py: Python<'_>,
+    cast: &Cast,
+    each: impl Iterator<Item = (Vec<f64>, Vec<RigidBodyState>)>,
+) -> PyResult<(Py<PyTuple>, Py<PyTuple>)> {
+    let (mut all_times, mut all_states) = (Vec::new(), Vec::new());
+    for (times, states) in each {
+        all_times.push(PyArray1::from_slice(py, &times));
+        all_states.push(Py::new(py, Trajectory::new(cast.clone(), times, states))?);
+    }
+    Ok((PyTuple::new(py, all_times)?.unbind(), PyTuple::new(py, all_states)?.unbind()))
 }
 
 /// The contacts that a run was given.
@@ -608,6 +624,13 @@ value! {
         t_events: Option<Py<PyTuple>> = |own, py| own.watched.as_ref().map(|found| found.times.clone_ref(py));
         /// tuple of Trajectory, or None: The states at these times, for each function.
         y_events: Option<Py<PyTuple>> = |own, py| own.watched.as_ref().map(|found| found.states.clone_ref(py));
+        /// tuple of bool, or None: For each of these functions, whether no event can have been missed, by its attribute ``lipschitz``; False
+        /// where that is not given, or did not suffice. None where no functions were given.
+        certified: PyResult<Option<Bound<'py, PyTuple>>> =
+            |own, py| own.watched.as_ref().map(|found| certified(py, &found.certificates)).transpose();
+        /// tuple, or None: For each of these functions start and end of the first step in which its bound did not suffice, s, or None.
+        unproved: PyResult<Option<Bound<'py, PyTuple>>> =
+            |own, py| own.watched.as_ref().map(|found| unproved(py, &found.certificates)).transpose();
         /// tuple of Event: What happened in contacts, in the order of time, where events were located and kept.
         events: Py<PyTuple> = |own, py| own.log.events.clone_ref(py);
         /// int: Number of events located, kept or not.
@@ -682,7 +705,11 @@ impl Solution {
         let log = (events, *count, *trials, *substeps, *contacts, stretches);
         let given = slf.get().given.as_ref().map(|given| given.written(py)).transpose()?.flatten();
         let watched = slf.get().watched.as_ref();
-        let watched = watched.map(|found| (found.times.clone_ref(py), found.states.clone_ref(py)));
+        let watched = watched.map(|found| {
+            let certificates: Vec<_> =
+                found.certificates.iter().map(|certificate| pickled(*certificate)).collect();
+            (found.times.clone_ref(py), found.states.clone_ref(py), certificates)
+        });
         by_restore(slf, (base, (status, message, nfev, n_steps, n_rejected), log, given, watched))
     }
 
@@ -696,7 +723,7 @@ impl Solution {
         report: (i32, String, u64, u64, u64),
         log: (Py<PyTuple>, u64, u64, u64, usize, Vec<[f64; 3]>),
         given: Option<(Py<PyTuple>, Py<PyTuple>)>,
-        watched: Option<(Py<PyTuple>, Py<PyTuple>)>,
+        watched: Option<(Py<PyTuple>, Py<PyTuple>, Vec<PickledCertificate>)>,
     ) -> Result<Py<Self>, Error> {
         let [body, t, position, quaternion, velocity, angular_velocity] = &arrays;
         let base = Trajectory::from_arrays(body, t, position, quaternion, velocity, angular_velocity)?;
@@ -710,7 +737,10 @@ impl Solution {
         let stretches = stretches.into_iter().map(Vector3::from).collect();
         let log = Log { events, count, trials, substeps, contacts, stretches };
         let given = given.map(|(contacts, pairs)| Given { contacts, pairs });
-        let watched = watched.map(|(times, states)| FunctionEvents { times, states });
+        let watched = watched.map(|(times, states, certificates)| {
+            let certificates = certificates.into_iter().map(unpickled).collect();
+            FunctionEvents { times, states, certificates }
+        });
         let own = Self { report, log, watched, given, dense: None, touches: PyOnceLock::new() };
         Ok(Py::new(py, PyClassInitializer::from(base).add_subclass(own))?)
     }

@@ -4,8 +4,10 @@ use crate::core::callable::{Failure, call, callable_name, check_callable, noted}
 use crate::core::convert::{a_type, sequence};
 use crate::core::error::Error;
 use pyo3::prelude::*;
-use pyo3::types::PyTuple;
-use somersault::integrators::events::{Direction, Watch, WatchError, WatchRule, Watched};
+use pyo3::types::{PyBool, PyTuple};
+use somersault::integrators::events::{
+    Certificate, Direction, Watch, WatchError, WatchProgress, WatchRule, Watched,
+};
 use somersault::integrators::state::{Configuration, State};
 
 /// Writes the values of all functions at a time and a state.
@@ -14,13 +16,47 @@ type Values<Q> = Box<dyn FnMut(f64, &State<Q>, &mut [f64]) + Send>;
 /// A watch of Python functions.
 pub(crate) type EventWatch<Q> = Watch<Q, Values<Q>>;
 
-/// Times and states of the events of each function.
-pub(crate) type EventsByFunction<Q> = Vec<(Vec<f64>, Vec<State<Q>>)>;
+/// The events of each function.
+pub(crate) struct EventsByFunction<Q: Configuration> {
+    /// Times and states.
+    pub(crate) each: Vec<(Vec<f64>, Vec<State<Q>>)>,
+    /// Whether any may have been missed.
+    pub(crate) certificates: Vec<Certificate>,
+}
+
+/// For each function, whether no event can have been missed.
+pub(crate) fn certified<'py>(py: Python<'py>, certificates: &[Certificate]) -> PyResult<Bound<'py, PyTuple>> {
+    PyTuple::new(py, certificates.iter().map(|certificate| *certificate == Certificate::Certified))
+}
+
+/// For each function, the first step in which its bound did not suffice, or None.
+pub(crate) fn unproved<'py>(py: Python<'py>, certificates: &[Certificate]) -> PyResult<Bound<'py, PyTuple>> {
+    PyTuple::new(py, certificates.iter().map(|certificate| pickled(*certificate).1))
+}
+
+/// What is written of a certificate: whether there is a bound, and the step in which it did not suffice.
+pub(crate) type PickledCertificate = (bool, Option<(f64, f64)>);
+
+pub(crate) fn pickled(certificate: Certificate) -> PickledCertificate {
+    match certificate {
+        Certificate::Unbounded => (false, None),
+        Certificate::Certified => (true, None),
+        Certificate::Unproved { from, to } => (true, Some((from, to))),
+    }
+}
+
+pub(crate) fn unpickled(written: PickledCertificate) -> Certificate {
+    match written {
+        (false, _) => Certificate::Unbounded,
+        (true, None) => Certificate::Certified,
+        (true, Some((from, to))) => Certificate::Unproved { from, to },
+    }
+}
 
 /// What a function of a user is called with, at a time and a state.
 pub(crate) type Arguments<Q> = Box<dyn Fn(Python<'_>, f64, &State<Q>) -> PyResult<Py<PyTuple>> + Send>;
 
-/// The functions that `events` names, each with its attributes `terminal` and `direction`.
+/// The functions that `events` names, each with its attributes `terminal`, `direction` and `lipschitz`.
 #[derive(Default)]
 pub(crate) struct EventFunctions {
     callables: Vec<Py<PyAny>>,
@@ -45,11 +81,21 @@ impl EventFunctions {
         let rule = WatchRule {
             direction: direction(&name, function.getattr_opt("direction")?)?,
             terminal: terminal(&name, function.getattr_opt("terminal")?)?,
+            lipschitz: lipschitz(&name, function.getattr_opt("lipschitz")?)?,
         };
         self.callables.push(function.clone().unbind());
         self.names.push(name);
         self.rules.push(rule);
         Ok(())
+    }
+
+    /// The same functions.
+    pub(crate) fn clone_ref(&self, py: Python<'_>) -> Self {
+        Self {
+            callables: self.callables.iter().map(|callable| callable.clone_ref(py)).collect(),
+            names: self.names.clone(),
+            rules: self.rules.clone(),
+        }
     }
 
     /// How many there are.
@@ -60,6 +106,15 @@ impl EventFunctions {
     /// How a message calls the function of that number.
     pub(crate) fn name(&self, function: usize) -> String {
         format!("`events[{function}]` ({})", self.names.get(function).map_or("", String::as_str))
+    }
+
+    /// Whether events may have been missed so far; none before the first step.
+    pub(crate) fn certificates(&self, progress: Option<&WatchProgress>) -> Vec<Certificate> {
+        let at_start = |rule: &WatchRule| Certificate::at_start(rule);
+        progress.map_or_else(
+            || self.rules.iter().map(at_start).collect(),
+            |progress| progress.certificates().to_vec(),
+        )
     }
 
     /// A watch of them; what they raise is kept in `failure`.
@@ -99,7 +154,16 @@ impl EventFunctions {
                 let name = self.name(*function);
                 Error::input(format!("{name} must return a finite number, found {found} at t = {t}"))
             }
-            WatchError::Integrate(_) | WatchError::Unproved { .. } => reason.clone().into(),
+            WatchError::Violated { function, lipschitz, times, values } => {
+                let name = self.name(*function);
+                Error::input(format!(
+                    "`lipschitz` = {lipschitz} of {name} is too small: it changes from {} to {} between t = {} and {}",
+                    values.0, values.1, times.0, times.1
+                ))
+            }
+            WatchError::Integrate(_) | WatchError::Lipschitz { .. } | WatchError::Unproved { .. } => {
+                reason.clone().into()
+            }
         }
     }
 
@@ -111,7 +175,7 @@ impl EventFunctions {
             times.push(event.t);
             states.push(event.state);
         }
-        each
+        EventsByFunction { each, certificates: found.certificates }
     }
 }
 
@@ -139,6 +203,20 @@ fn terminal(name: &str, value: Option<Bound<'_, PyAny>>) -> Result<Option<u64>, 
         Ok(count) if count >= 0 => Ok(u64::try_from(count).ok().filter(|count| *count > 0)),
         Ok(_) | Err(_) => Err(Error::input(format!(
             "`terminal` of the event function {name} must be a bool or a number of events, found {}",
+            value.repr()?
+        ))),
+    }
+}
+
+/// The bound of an attribute `lipschitz`.
+fn lipschitz(name: &str, value: Option<Bound<'_, PyAny>>) -> Result<Option<f64>, Error> {
+    let Some(value) = value.filter(|value| !value.is_none()) else { return Ok(None) };
+    match value.extract::<f64>() {
+        Ok(bound) if bound >= 0.0 && bound.is_finite() && !value.is_instance_of::<PyBool>() => {
+            Ok(Some(bound))
+        }
+        Ok(_) | Err(_) => Err(Error::input(format!(
+            "`lipschitz` of the event function {name} must be a finite number that is not negative, found {}",
             value.repr()?
         ))),
     }

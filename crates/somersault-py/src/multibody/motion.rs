@@ -12,7 +12,9 @@ use crate::integrators::monitor::{Finish, Monitor, ProgressBar, Watch};
 use crate::integrators::plan::{self, Plan, StepArguments, start_up_of, stiff_of};
 use crate::integrators::solve;
 use crate::integrators::trajectory::Report;
-use crate::integrators::watching::{EventFunctions, EventsByFunction};
+use crate::integrators::watching::{
+    EventFunctions, EventsByFunction, PickledCertificate, certified, pickled, unpickled, unproved,
+};
 use crate::multibody::given::{Given, drive};
 use crate::multibody::model::Model;
 use numpy::PyArray1;
@@ -21,7 +23,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyList, PyTuple, PyType};
 use somersault::contact::tree::TouchingState;
 use somersault::integrators::augmented::Augmented;
-use somersault::integrators::events::{Interrupted, Located, Location};
+use somersault::integrators::events::{Certificate, Interrupted, Located, Location};
 use somersault::integrators::methods::{Method, Options};
 use somersault::integrators::reversal::TimeReversed;
 use somersault::integrators::solution;
@@ -167,13 +169,16 @@ pub(crate) struct TreeSolution {
 }
 
 /// The events of functions that a run was given: for each function an array of times, of configurations and of velocities.
-struct FunctionEvents([Py<PyTuple>; 3]);
+struct FunctionEvents {
+    arrays: [Py<PyTuple>; 3],
+    certificates: Vec<Certificate>,
+}
 
 impl FunctionEvents {
     fn of<Q: OfTree>(
         py: Python<'_>,
         model: &multibody::Model,
-        each: EventsByFunction<Q>,
+        EventsByFunction { each, certificates }: EventsByFunction<Q>,
     ) -> Result<Self, Error> {
         let [mut t_events, mut q_events, mut v_events] = [(); 3].map(|()| Vec::new());
         for (times, states) in each {
@@ -184,7 +189,7 @@ impl FunctionEvents {
             v_events.push(array(py, v, &[n, model.n_velocities()])?);
         }
         let tuple = |arrays| PyTuple::new(py, arrays).map(Bound::unbind);
-        Ok(Self([tuple(t_events)?, tuple(q_events)?, tuple(v_events)?]))
+        Ok(Self { arrays: [tuple(t_events)?, tuple(q_events)?, tuple(v_events)?], certificates })
     }
 }
 
@@ -238,6 +243,12 @@ value! {
         q_events: Option<Py<PyTuple>> = |own, py| own.event_arrays(py, 1);
         /// tuple of ndarray, or None: The velocities at these times, for each function.
         v_events: Option<Py<PyTuple>> = |own, py| own.event_arrays(py, 2);
+        /// tuple of bool, or None: For each function, whether no event can have been missed, by its attribute ``lipschitz``.
+        certified: PyResult<Option<Bound<'py, PyTuple>>> =
+            |own, py| own.watched.as_ref().map(|found| certified(py, &found.certificates)).transpose();
+        /// tuple, or None: For each function start and end of the first step in which its bound did not suffice, s, or None.
+        unproved: PyResult<Option<Bound<'py, PyTuple>>> =
+            |own, py| own.watched.as_ref().map(|found| unproved(py, &found.certificates)).transpose();
         /// list of LinkContact and LinkPair: The contacts, those with surfaces first; empty where none were given.
         contacts: Py<PyAny> = |own, py| match &own.touches {
             Some(touches) => touches.contacts.clone_ref(py),
@@ -269,7 +280,7 @@ value! {
 impl TreeSolution {
     /// Times, configurations or velocities of the events of functions.
     fn event_arrays(&self, py: Python<'_>, which: usize) -> Option<Py<PyTuple>> {
-        self.watched.as_ref().map(|found| found.0[which].clone_ref(py))
+        self.watched.as_ref().map(|found| found.arrays[which].clone_ref(py))
     }
 
     /// An array of what contacts did.
@@ -294,7 +305,11 @@ impl TreeSolution {
         let Report { status, message, nfev, n_steps, n_rejected } = own.report.clone();
         let arrays = (own.model(py), own.t(py), own.q(py), own.v(py));
         let touches = own.touches.as_ref().map(|touches| touches.pickled(py));
-        let watched = own.watched.as_ref().map(|found| found.0.each_ref().map(|arrays| arrays.clone_ref(py)));
+        let watched = own.watched.as_ref().map(|found| {
+            let certificates: Vec<_> =
+                found.certificates.iter().map(|certificate| pickled(*certificate)).collect();
+            (found.arrays.each_ref().map(|arrays| arrays.clone_ref(py)), certificates)
+        });
         by_restore(slf, (arrays, (status, message, nfev, n_steps, n_rejected), touches, watched))
     }
 
@@ -306,12 +321,15 @@ impl TreeSolution {
         arrays: (Py<Model>, Py<PyAny>, Py<PyAny>, Py<PyAny>),
         report: (i32, String, u64, u64, u64),
         touches: Option<PickledTouches>,
-        watched: Option<[Py<PyTuple>; 3]>,
+        watched: Option<([Py<PyTuple>; 3], Vec<PickledCertificate>)>,
     ) -> Self {
         let (model, t, q, v) = arrays;
         let (status, message, nfev, n_steps, n_rejected) = report;
         let report = Report { status, message, nfev, n_steps, n_rejected };
-        let watched = watched.map(FunctionEvents);
+        let watched = watched.map(|(arrays, certificates)| {
+            let certificates = certificates.into_iter().map(unpickled).collect();
+            FunctionEvents { arrays, certificates }
+        });
         Self { model, t, q, v, report, dense: None, watched, touches: touches.map(TreeTouches::of_pickled) }
     }
 }
@@ -354,7 +372,8 @@ impl TreeSolution {
 ///     As of `somersault.integrate`.
 /// events : callable or sequence of callable, optional
 ///     Functions ``event(t, q, v) -> float`` of which changes of sign are looked for, with attributes ``terminal`` and
-///     ``direction`` as of `somersault.integrate`. The attributes `t_events`, `q_events` and `v_events` of the solution have them.
+///     ``direction`` and ``lipschitz`` as of `somersault.integrate`. The attributes `t_events`, `q_events` and `v_events` of the solution
+///     have them, `certified` whether none can have been missed.
 /// observer : callable, optional
 ///     ``f(t, q, v)``, called after every step; the run stops where it returns something true.
 /// on_interrupt, progress

@@ -157,7 +157,7 @@ impl Retrace for StateStep<'_> {
     }
 
     /// Never called: cubics, by which margins without bounds are judged, are doubted a few times only.
-    fn unproved(&self, _h: f64, _parts: u32) -> FlowError {
+    fn unproved(&self, _h: f64, _parts: u32, _guard: usize) -> FlowError {
         FlowError::StepUnderflow { t: self.t, state: self.state.to_vec() }
     }
 }
