@@ -22,6 +22,7 @@ how accurate they are.
 | key points (JSON) | `read_pose` | | key points |
 | any of these, as the file has it | `read_file` | | |
 | a list of motions with scores | `read_judged` | `JudgedSet.save` | markers |
+| a table of judges' awards | `read_awards` | | |
 
 Since no set of judged dives is public, a `SyntheticSet` makes one; all that is derived from it is labelled
 SYNTHETIC.

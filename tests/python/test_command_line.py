@@ -117,6 +117,16 @@ def test_motions_are_scored_with_their_cross_validation_error(
     twice = document.read_text().replace('file = "3.csv"', 'file = "./1.csv"')
     refused(twice, "judged.3.file: is the file of entry 1 too")
     refused(document.read_text() + "\n[options]\nscale = [7.0, 7.1]\n", "within the scale 7 to 7.1")
+    once = document.read_text().replace('file = "3.csv"', 'file = "3.csv"\nathlete = "Ann"')
+    refused(once, "judged.0: must have an `athlete`, as others have; give all or none")
+    # three athletes, by ridge regression
+    athletes = document.read_text()
+    for k in range(9):
+        athletes = athletes.replace(f'file = "{k}.csv"', f'file = "{k}.csv"\nathlete = "{k % 3}"')
+    again.write_text(athletes + '\n[options]\nmethod = "ridge"\n')
+    assert main(["score", str(again), "--out", str(scores), "--summary", str(summary)]) == 0
+    worth = json.loads(summary.read_text())
+    assert len(worth["penalties"]) == 9 and worth["n_components"] == [] and worth["r_squared"] > 0.5
     # in mm, lying on its side, and without a marker
     head, _, rows = (tmp_path / "9.csv").read_text().partition("\n")
     values = np.loadtxt(rows.splitlines(), delimiter=",")

@@ -106,15 +106,20 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
         {"times": TIMES, "names": [str(k) for k in range(Q.shape[1])], "postures": Q, "path": PATH},
     ),
     "Performance.from_markers": (motion.Performance.from_markers, {"recording": SEEN}),
-    "ScoringModel": (motion.ScoringModel, {"motions": MOTIONS, "scores": SCORES, "options": OPTIONS}),
+    "ScoringModel": (
+        motion.ScoringModel,
+        {"motions": MOTIONS, "scores": SCORES, "options": OPTIONS, "groups": list("abcabcabc")},
+    ),
     "ScoringOptions": (
         motion.ScoringOptions,
         {
             "n_frames": 9,
             "n_eigenweights": 2,
             "path": True,
+            "method": "pls",
             "n_components": 2,
             "max_components": 2,
+            "penalty": None,
             "scale": (0, 100),
         },
     ),
@@ -213,6 +218,7 @@ def test_bad_arguments_are_refused_by_name(name: str) -> None:
         "read_c3d_channels",
         "read_csv",
         "read_joint_motion",
+        "read_awards",
         "read_mot",
         "read_pose",
         "read_trc",
@@ -337,9 +343,41 @@ KEPT: dict[str, tuple[Any, list[str]]] = {
     ),
     "ScoringOptions": (
         OPTIONS,
-        ["n_frames", "n_eigenweights", "path", "n_components", "max_components", "scale"],
+        [
+            "n_frames",
+            "n_eigenweights",
+            "path",
+            "method",
+            "n_components",
+            "max_components",
+            "penalty",
+            "scale",
+        ],
     ),
-    "Validation": (VALIDATION, ["predictions", "distances", "n_components", "rms_error", "synthetic"]),
+    "ScoringOptions of ridge": (motion.ScoringOptions(method="ridge", penalty=0.1), ["method", "penalty"]),
+    "ScoringModel of ridge": (
+        motion.ScoringModel(MOTIONS, SCORES, motion.ScoringOptions(method="ridge", n_frames=8)),
+        ["method", "n_components", "penalty", "coefficients"],
+    ),
+    "Validation": (
+        VALIDATION,
+        ["predictions", "distances", "n_components", "penalties", "rms_error", "r_squared", "synthetic"],
+    ),
+    "AwardTable": (
+        motion.read_awards(io.StringIO("diver,dd,awards,points,no\nAnn,2,7 8 7,44,1\n,3,7 7 6.5,,2\n")),
+        [
+            "awards",
+            "counts",
+            "difficulty",
+            "points",
+            "stated",
+            "scores",
+            "athletes",
+            "dives",
+            "lines",
+            "repairs",
+        ],
+    ),
     "Correlation": (VALIDATION.pearson, ["value", "interval", "p_value"]),
     "Baseline": (VALIDATION.baselines[1], ["name", "predictions", "rms_error"]),
     "Band": (motion.Band(SAMPLES), ["mean", "deviation"]),
@@ -398,7 +436,9 @@ def test_pickled_sets_and_groups_have_all_that_they_had(tmp_path: Path) -> None:
     (tmp_path / "list").mkdir()
     for k, recording in enumerate(DIVES.markers):
         motion.write_csv(tmp_path / "list" / f"{k}.csv", recording)
-    listed = "motion,score,synthetic,height,age\n0.csv,7.5,true,1.5,20\n1.csv,6.0,false,1.4,21\n"
+    listed = (
+        "motion,score,synthetic,height,age,athlete\n0.csv,7.5,true,1.5,20,Ann\n1.csv,6.0,false,1.4,21,Bea\n"
+    )
     (tmp_path / "list" / "list.csv").write_text(listed)
     judged = motion.read_judged(tmp_path / "list" / "list.csv")
     found = again(judged)
@@ -407,6 +447,7 @@ def test_pickled_sets_and_groups_have_all_that_they_had(tmp_path: Path) -> None:
         == (judged.files, judged.synthetic)
         == (("0.csv", "1.csv"), [True, False])
     )
+    assert found.athletes == judged.athletes == ("Ann", "Bea") and DIVES.judged_set().athletes is None
     assert list(found.features) == list(judged.features) == ["height", "age"]
     np.testing.assert_array_equal(found.features["age"], [20.0, 21.0])
     np.testing.assert_array_equal(found.recordings[1].points, judged.recordings[1].points)

@@ -204,6 +204,54 @@ class TestValidation:
         assert by_name["bump"].rms_error < 1e-12 < found.rms_error < 0.3 * by_name["mean"].rms_error
         assert "16 motions" in repr(found) and "in [" in repr(found.pearson)
 
+    def test_groups_and_methods_leave_out_athletes(self) -> None:
+        athletes = [f"athlete {k % 5}" for k in range(16)]
+        for method, own in (("pls", "n_components"), ("ridge", "penalties")):
+            options = motion.ScoringOptions(method=method)  # type: ignore[arg-type]
+            found = motion.validate(self.motions, self.scores, options, groups=athletes, n_resamples=20)
+            others = [k for k in range(16) if k % 5 != 3]
+            model = motion.ScoringModel([self.motions[k] for k in others], self.scores[others], options)
+            assert found.predictions[3] == pytest.approx(model.score(self.motions[3]).value, abs=1e-9)
+            assert (model.method, len(model.coefficients)) == (method, len(others) - 1)
+            assert getattr(found, own)[3] == (model.penalty if method == "ridge" else model.n_components)
+            assert len(found.n_components) + len(found.penalties) == 16
+            mean = found.baselines[0]
+            assert mean.predictions[3] == pytest.approx(self.scores[others].mean(), abs=1e-12)
+            left = np.sum((found.predictions - self.scores) ** 2)
+            left /= np.sum((mean.predictions - self.scores) ** 2)
+            assert found.r_squared == pytest.approx(1.0 - left, abs=1e-12)
+        by_number = motion.validate(
+            self.motions, self.scores, options, groups=[k % 5 for k in range(16)], n_resamples=20
+        )
+        np.testing.assert_array_equal(by_number.predictions, found.predictions)
+        assert by_number.pearson.interval == found.pearson.interval
+
+    @pytest.mark.parametrize(
+        ("groups", "message"),
+        [
+            (["a"] * 8 + ["b"] * 8, "`groups` must be labels of at least 3 groups, found 2"),
+            ([0, 1, 2], "`groups` must have 16 entries, found 3"),
+            ([1.5] * 16, "`groups` must be labels that are str or int, found a float"),
+            ([0] * 14 + [1, 2], "`groups` must leave at least 7 motions .* found 2 without that of motion 0"),
+        ],
+    )
+    def test_groups_that_cannot_be_left_out_are_refused(self, groups: Any, message: str) -> None:
+        with pytest.raises(errors.InputError, match=message):
+            motion.validate(self.motions, self.scores, groups=groups)
+
+    @pytest.mark.parametrize(
+        ("options", "message"),
+        [
+            ({"method": "lasso"}, "`method` must be 'pcr', 'pls' or 'ridge', found 'lasso'"),
+            ({"method": "ridge", "n_components": 2}, "`n_components` must not be given for the method ridge"),
+            ({"penalty": 0.1}, "`penalty` must not be given for the method pcr, which has `n_components`"),
+            ({"method": "ridge", "penalty": 0.0}, "`penalty` must be positive and finite, found 0"),
+        ],
+    )
+    def test_what_is_not_of_the_method_is_refused(self, options: dict[str, Any], message: str) -> None:
+        with pytest.raises(errors.InputError, match=message):
+            motion.ScoringOptions(**options)
+
     def test_intervals_follow_the_seed_and_the_level(self) -> None:
         first, again, other, wide = (
             motion.validate(self.motions, self.scores, n_resamples=300, **options).pearson.interval  # type: ignore[arg-type]
@@ -248,6 +296,43 @@ class TestValidation:
     def test_scores_that_do_not_vary_are_refused(self) -> None:
         with pytest.raises(errors.InputError, match="does not vary"):
             motion.validate(self.motions, np.full(16, 7.0))
+
+
+class TestAwards:
+    TABLE = (
+        "diver,dive,DD,J1,J2,J3,J4,J5,points,pool\n"
+        "Ann,107B,3.1,7.5,8,7.5,7,8,71.3,1\n"
+        "Bea,105C,2,7,7,7,7,7,41,1\n"
+    )
+
+    def test_a_table_is_read_with_what_contradicts_it(self, tmp_path: Path) -> None:
+        path = tmp_path / "final.csv"
+        path.write_text(self.TABLE)
+        with pytest.warns(errors.ReadWarning, match="line 3: points that are stated are not those"):
+            table = motion.read_awards(path)
+        np.testing.assert_allclose(table.points, [71.3, 42.0], rtol=1e-14)
+        np.testing.assert_allclose(table.scores, [23.0 / 3.0, 7.0], rtol=1e-14)
+        np.testing.assert_array_equal(table.stated, [71.3, 41.0])
+        assert (table.athletes, table.dives, table.lines) == (("Ann", "Bea"), ("107B", "105C"), [2, 3])
+        for awards, counts, difficulty, points in zip(
+            table.awards, table.counts, table.difficulty, table.points, strict=True
+        ):
+            assert motion.panel_score(awards, difficulty) == (points, counts)
+        assert [repair.is_decision for repair in table.repairs] == [True, False]
+        assert len(table) == 2 and "2 dives, 5 judges" in repr(table)
+
+    def test_what_is_no_table_says_where(self, tmp_path: Path) -> None:
+        path = tmp_path / "final.csv"
+        for text, strict, line, message in (
+            (self.TABLE, True, 3, "42.00 points by the awards"),
+            (self.TABLE.replace("7.5,8,7.5", "7.5,8,7.4"), False, 2, "half points from 0 to 10"),
+            (self.TABLE.replace("DD", "name"), False, 1, "each column once"),
+            (self.TABLE.replace("DD", "hard"), False, 1, "a column `difficulty`"),
+        ):
+            path.write_text(text)
+            with pytest.raises(errors.ReadError, match=message) as caught:
+                motion.read_awards(path, strict=strict)
+            assert caught.value.line == line
 
 
 def test_correlations_are_scipys() -> None:

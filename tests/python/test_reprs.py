@@ -185,6 +185,10 @@ def dives() -> motion.SyntheticSet:
     return motion.SyntheticSet(flight(), motion.MarkerSet.joint_centres(DIVER.model), n_dives=5, seed=1)
 
 
+def awards() -> motion.AwardTable:
+    return motion.read_awards(io.StringIO("dd,awards\n2,7 8 7\n3,7 7 7 7 7\n"))
+
+
 @cache
 def scorer() -> motion.ScoringModel:
     options = motion.ScoringOptions(n_frames=10, n_eigenweights=1, n_components=1)
@@ -389,6 +393,7 @@ MADE: dict[str, Callable[[], Any]] = {
     "Transition": lambda: FLOW.transition([1.0, 0.4], 1.0),
     "VariationalFlow": lambda: FLOW,
     # recorded motions
+    "AwardTable": awards,
     "Band": lambda: motion.Band(np.eye(3)),
     "Baseline": lambda: validation().baselines[0],
     "Correlation": lambda: validation().pearson,

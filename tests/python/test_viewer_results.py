@@ -207,6 +207,7 @@ ARGUMENTS = {"Model", "Robot", "RigidBody", "FreeBody", "Gyrostat"}
 WITHOUT = {
     "Advice",
     "AerodynamicDrag",
+    "AwardTable",
     "Band",
     "Baseline",
     "Box",

@@ -2,12 +2,13 @@
 //!
 //! ```text
 //! # comment
-//! motion,score,synthetic,height
-//! monday/dive_01.c3d,7.5,false,1.52
-//! monday/dive_02.c3d,6.0,false,1.47
+//! motion,score,athlete,synthetic,height
+//! monday/dive_01.c3d,7.5,Ann,false,1.52
+//! monday/dive_02.c3d,6.0,Bea,false,1.47
 //! ```
 //! The list is comma-separated text. Its first line names the columns, in any order: `motion`, a file relative
-//! to the list and below its folder, listed once; `score`, a number; `synthetic`, which may be left out, `true`
+//! to the list and below its folder, listed once; `score`, a number; `athlete`, which may be left out, a name: the motions of an athlete
+//! are left out together ([`Groups`]); `synthetic`, which may be left out, `true`
 //! or `false`: whether motion or score are synthetic; all other columns are numbers that serve as single
 //! features, as baselines of [`validate`](crate::scoring::validate). Blank lines and lines that begin with `#`
 //! are ignored.
@@ -15,6 +16,8 @@
 //! Files are read by their ending: `.csv`, `.trc` and `.c3d` have markers; of `.bvh`, and of `.json` and
 //! `.txt`, which are motions of DeepMimic, the joint centres are taken for markers. All must have the markers
 //! of the first one; others are ignored.
+//!
+//! [`Groups`]: crate::scoring::Groups
 
 use crate::readers::csv::Rows;
 use crate::readers::{
@@ -38,6 +41,8 @@ pub struct JudgedMotion {
     pub file: String,
     /// Its score.
     pub score: f64,
+    /// Whose it is, where the list says so.
+    pub athlete: Option<String>,
     /// Whether motion or score are synthetic.
     pub synthetic: bool,
     /// Single features, in the order of their names.
@@ -184,6 +189,7 @@ pub enum JudgedError {
 enum Column {
     Motion,
     Score,
+    Athlete,
     Synthetic,
     Feature,
 }
@@ -207,6 +213,7 @@ pub fn read(text: &str) -> Result<JudgedList, ReadError> {
         let mut motion = JudgedMotion {
             file: String::new(),
             score: 0.0,
+            athlete: None,
             synthetic: false,
             features: Vec::new(),
             line: if let Place::Line(line) = place { line } else { 0 },
@@ -215,6 +222,10 @@ pub fn read(text: &str) -> Result<JudgedList, ReadError> {
             match column {
                 Column::Motion => motion.file = file(place, cell)?,
                 Column::Score => motion.score = number(place, cell, "a score")?,
+                Column::Athlete if cell.is_empty() => {
+                    return Err(unexpected(place, cell, "the name of an athlete"));
+                }
+                Column::Athlete => motion.athlete = Some(cell.to_owned()),
                 Column::Synthetic => {
                     motion.synthetic = cell.parse().map_err(|_| unexpected(place, cell, "true or false"))?;
                 }
@@ -243,6 +254,7 @@ fn columns(place: Place, header: &StringRecord) -> Result<(Vec<Column>, Vec<Stri
         columns.push(match name {
             "motion" => Column::Motion,
             "score" => Column::Score,
+            "athlete" => Column::Athlete,
             "synthetic" => Column::Synthetic,
             _ => {
                 features.push(name.to_owned());
@@ -349,7 +361,8 @@ pub fn write(list: &JudgedList) -> Result<String, WriteError> {
     if list.motions.iter().any(|m| m.synthetic) {
         out.push_str("# SYNTHETIC: motions or scores are synthetic\n");
     }
-    out.push_str("motion,score,synthetic");
+    let has_athletes = list.motions.iter().any(|motion| motion.athlete.is_some());
+    out.push_str(if has_athletes { "motion,score,synthetic,athlete" } else { "motion,score,synthetic" });
     for name in &list.feature_names {
         writers::expect_name(name, &[',', '"'], ALLOWED)?;
         out.push(',');
@@ -359,6 +372,11 @@ pub fn write(list: &JudgedList) -> Result<String, WriteError> {
     for motion in &list.motions {
         writers::expect_name(&motion.file, &[',', '"', '#'], ALLOWED)?;
         out.push_str(&format!("{},{},{}", motion.file, motion.score, motion.synthetic));
+        if let Some(athlete) = &motion.athlete {
+            writers::expect_name(athlete, &[',', '"'], ALLOWED)?;
+            out.push(',');
+            out.push_str(athlete);
+        }
         motion.features.iter().for_each(|x| out.push_str(&format!(",{x}")));
         out.push('\n');
     }
@@ -369,9 +387,15 @@ fn expect_list(list: &JudgedList) -> Result<(), WriteError> {
     let name = |name: &String, allowed| Err(WriteError::Name { name: name.clone(), allowed });
     let mut seen = std::collections::HashSet::new();
     for column in &list.feature_names {
-        if ["motion", "score", "synthetic"].contains(&column.as_str()) || !seen.insert(column) {
-            return name(column, "features other than motion, score and synthetic, each once");
+        if ["motion", "score", "athlete", "synthetic"].contains(&column.as_str()) || !seen.insert(column) {
+            return name(column, "features other than motion, score, athlete and synthetic, each once");
         }
+    }
+    let without = |motion: &&JudgedMotion| motion.athlete.is_none();
+    if let (Some(motion), true) =
+        (list.motions.iter().find(without), !list.motions.iter().all(|m| without(&m)))
+    {
+        return name(&motion.file, "files of athletes with a name, all or none");
     }
     let mut seen = std::collections::HashSet::new();
     for (k, motion) in list.motions.iter().enumerate() {
@@ -393,6 +417,11 @@ impl JudgedSet {
     /// The scores, in the order of the list.
     pub fn scores(&self) -> Vec<f64> {
         self.list.motions.iter().map(|m| m.score).collect()
+    }
+
+    /// The athlete of each motion, in the order of the list, where it says so; the labels of [`Groups`](crate::scoring::Groups).
+    pub fn athletes(&self) -> Option<Vec<&str>> {
+        self.list.motions.iter().map(|motion| motion.athlete.as_deref()).collect()
     }
 
     /// Each feature with its numbers, in the order of the list.

@@ -11,6 +11,7 @@ from somersault._somersault.ocp import EigenpostureBase
 
 __all__ = [
     "Advice",
+    "AwardTable",
     "Band",
     "Baseline",
     "ChannelRecording",
@@ -53,6 +54,7 @@ __all__ = [
     "panel_score",
     "pearson",
     "project",
+    "read_awards",
     "read_bvh",
     "read_c3d",
     "read_c3d_channels",
@@ -243,6 +245,7 @@ class Repair:
     @property
     def is_decision(self) -> bool: ...
 
+def read_awards(source: _Source, *, strict: bool = False) -> AwardTable: ...
 def read_bvh(
     source: _Source, *, unit: str, up: str = "y", forward: str = "z", strict: bool = False
 ) -> SkeletonRecording: ...
@@ -875,8 +878,10 @@ class ScoringOptions:
         n_eigenweights: int = 4,
         path: bool = True,
         duration: bool = False,
+        method: Literal["pcr", "pls", "ridge"] = "pcr",
         n_components: int | None = None,
         max_components: int = 5,
+        penalty: float | None = None,
         scale: tuple[float, float] = ...,
     ) -> ScoringOptions: ...
     @property
@@ -888,9 +893,13 @@ class ScoringOptions:
     @property
     def duration(self) -> bool: ...
     @property
+    def method(self) -> Literal["pcr", "pls", "ridge"]: ...
+    @property
     def n_components(self) -> int | None: ...
     @property
     def max_components(self) -> int: ...
+    @property
+    def penalty(self) -> float | None: ...
     @property
     def scale(self) -> tuple[float, float]: ...
 
@@ -908,7 +917,12 @@ class Score:
 @final
 class ScoringModel:
     def __new__(
-        cls, motions: Sequence[Performance], scores: ArrayLike, options: ScoringOptions | None = None
+        cls,
+        motions: Sequence[Performance],
+        scores: ArrayLike,
+        options: ScoringOptions | None = None,
+        *,
+        groups: Sequence[str | int] | None = None,
     ) -> ScoringModel: ...
     def score(self, motion: Performance, *, level: float = 0.95) -> Score: ...
     @property
@@ -924,6 +938,12 @@ class ScoringModel:
     @property
     def eigenmotions(self) -> Pca: ...
     @property
+    def method(self) -> Literal["pcr", "pls", "ridge"]: ...
+    @property
+    def n_components(self) -> int | None: ...
+    @property
+    def penalty(self) -> float | None: ...
+    @property
     def coefficients(self) -> _Floats: ...
     @property
     def intercept(self) -> float: ...
@@ -934,6 +954,30 @@ class ScoringModel:
     def load(cls, path: str | PathLike[str]) -> ScoringModel: ...
 
 @final
+class AwardTable:
+    @property
+    def awards(self) -> tuple[tuple[float, ...], ...]: ...
+    @property
+    def counts(self) -> tuple[tuple[bool, ...], ...]: ...
+    @property
+    def difficulty(self) -> _Floats: ...
+    @property
+    def points(self) -> _Floats: ...
+    @property
+    def stated(self) -> _Floats: ...
+    @property
+    def scores(self) -> _Floats: ...
+    @property
+    def athletes(self) -> tuple[str | None, ...]: ...
+    @property
+    def dives(self) -> tuple[str | None, ...]: ...
+    @property
+    def lines(self) -> list[int]: ...
+    @property
+    def repairs(self) -> list[Repair]: ...
+    def __len__(self) -> int: ...
+
+@final
 class JudgedSet:
     @property
     def files(self) -> tuple[str, ...]: ...
@@ -941,6 +985,8 @@ class JudgedSet:
     def scores(self) -> _Floats: ...
     @property
     def features(self) -> dict[str, _Floats]: ...
+    @property
+    def athletes(self) -> tuple[str, ...] | None: ...
     @property
     def synthetic(self) -> list[bool]: ...
     @property
@@ -1117,7 +1163,11 @@ class Validation:
     @property
     def n_components(self) -> list[int]: ...
     @property
+    def penalties(self) -> _Floats: ...
+    @property
     def rms_error(self) -> float: ...
+    @property
+    def r_squared(self) -> float: ...
     @property
     def pearson(self) -> Correlation: ...
     @property
@@ -1132,6 +1182,7 @@ def validate(
     scores: ArrayLike,
     options: ScoringOptions | None = None,
     *,
+    groups: Sequence[str | int] | None = None,
     n_resamples: int = 1000,
     level: float = 0.95,
     seed: int = 0,

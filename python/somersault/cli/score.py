@@ -40,11 +40,12 @@ def score(arguments: argparse.Namespace) -> int:
             for i, item in enumerate(judged)
         ]
         scores = [item["score"] for item in judged]
+        athletes = _athletes(document, judged)
         with document.at("options"):
             options = _options(motion, document.values.get("options", {}))
         with document.at("judged"):
-            worth = motion.validate(seen, scores, options)
-            scorer = motion.ScoringModel(seen, scores, options)
+            worth = motion.validate(seen, scores, options, groups=athletes)
+            scorer = motion.ScoringModel(seen, scores, options, groups=athletes)
         summary = _summary(worth)
         rows += [
             (item["file"], item["score"], float(predicted), float(distance))
@@ -97,6 +98,17 @@ def _options(motion: Any, given: dict[str, Any]) -> Any:
     return motion.ScoringOptions(**(given | scale))
 
 
+def _athletes(document: Document, judged: list[dict[str, Any]]) -> list[str] | None:
+    """The athlete of each motion, where all have one."""
+    athletes = [item.get("athlete") for item in judged]
+    named = [athlete for athlete in athletes if athlete is not None]
+    if named and len(named) < len(athletes):
+        raise document.fault(
+            ("judged", athletes.index(None)), "must have an `athlete`, as others have; give all or none"
+        )
+    return named or None
+
+
 def _expect_once(document: Document, judged: list[dict[str, Any]]) -> None:
     """A motion that is left out must not be learnt from under another name."""
     seen: dict[Path, int] = {}
@@ -144,7 +156,9 @@ def _performance(motion: Any, document: Document, where: tuple[str | int, ...], 
 def _summary(worth: Any) -> dict[str, Any]:
     return {
         "rms_error": worth.rms_error,
+        "r_squared": worth.r_squared,
         "n_components": worth.n_components,
+        "penalties": worth.penalties.tolist(),
         **{
             name: {"value": found.value, "interval": list(found.interval)}
             for name, found in (("pearson", worth.pearson), ("spearman", worth.spearman))

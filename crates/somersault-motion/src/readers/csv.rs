@@ -36,6 +36,7 @@ use super::{
 };
 use crate::recording::{Axis, ChannelRecording, LengthUnit, MarkerRecording};
 use ::csv::{Reader, ReaderBuilder, StringRecord, Trim};
+pub(super) use header::separator;
 use header::{Header, What};
 
 /// This format.
@@ -92,7 +93,7 @@ fn parse(text: &str, choices: &Choices, repairs: &mut Repairs) -> Result<Parsed,
     if skipped {
         repairs.decide(Place::Line(1), "sections besides the trajectories are left out");
     }
-    let mut rows = Rows::within(text, section, header::separator(section));
+    let mut rows = Rows::within(text, section, separator(section));
     let mut record = StringRecord::new();
     let header = Header::read(&mut rows, &mut record, repairs)?;
     let Header { place: head, what, .. } = &header;
@@ -205,7 +206,7 @@ impl<'t> Rows<'t> {
     }
 
     /// The rows of the end `part` of a text, with this character between cells.
-    fn within(text: &'t str, part: &'t str, separator: u8) -> Self {
+    pub(super) fn within(text: &'t str, part: &'t str, separator: u8) -> Self {
         let mut builder = ReaderBuilder::new();
         builder.has_headers(false).flexible(true).comment(Some(b'#')).trim(Trim::All).delimiter(separator);
         let before = text.len() - part.len();

@@ -10,6 +10,8 @@
 //! | CSV and TSV, also of Motive, Nexus and QTM | [`csv`] | markers or channels |
 //! | key points of pose estimators (JSON) | [`pose`] | key points |
 //!
+//! Beside recordings there are tables of judges' [`awards`].
+//!
 //! [`read_file`] takes a path and finds the reader by what the file has; [`FORMATS`] has a row for each. Readers take text or
 //! bytes, [`load`] a path and a reader. Files may come from anywhere: what a file declares is checked
 //! against what it has before memory is allocated, so that a reader uses a bounded multiple of the file's
@@ -19,6 +21,7 @@
 //! what was put right is listed as [`Repair`]s of the [`RecordingFile`]. The functions `read` of single formats are strict,
 //! `read_repaired` are tolerant.
 
+pub mod awards;
 pub mod bvh;
 pub mod c3d;
 pub mod csv;

@@ -18,7 +18,7 @@
 //! over the greatest distance that a motion learnt has from the others when it is left out of the basis. By exchange of the
 //! motions, one like the training motions is beyond 1 with a chance of about 1/(n + 1).
 //!
-//! **Errors.** Each motion is predicted by a model of nine tenths of the motions, without it. A score's interval is as wide as these
+//! **Errors.** Each motion is predicted by a model of nine tenths of the motions, or of their groups, without it. A score's interval is as wide as these
 //! errors: it holds for motions like the training motions, by the same judge, on average over them.
 //!
 //! Sources: J. C. Gower, *Generalized Procrustes analysis*, Psychometrika 40 (1975), 33–51; R. Laxhammar and G. Falkman,
@@ -29,7 +29,7 @@
 use super::options::ScoringOptions;
 use super::regression::Regression;
 use super::vector::Normalized;
-use super::{FeatureKind, ScoringError, VectorOptions};
+use super::{FeatureKind, Groups, ScoringError, VectorOptions};
 use crate::analysis::{AnalysisError, Pca, eigenpostures};
 use nalgebra::{DMatrix, RowDVector};
 use rayon::prelude::*;
@@ -40,7 +40,7 @@ use somersault_core::argument::expect_least;
 const ROUNDS: usize = 100;
 /// Relative change of the reference at which its search ends.
 const AT_REST: f64 = 1e-13;
-/// Parts in which the motions are left out of a basis.
+/// Parts in which the motions, or their groups, are left out of a basis.
 const PARTS: usize = 10;
 
 /// Postures and path to which motions are turned.
@@ -207,11 +207,12 @@ impl Unseen {
         kind: FeatureKind,
         motions: &[Normalized],
         scores: &[f64],
+        groups: &Groups,
         options: &ScoringOptions,
     ) -> Result<Self, ScoringError> {
-        let parts = motions.len().min(PARTS);
+        let parts = groups.n_groups().min(PARTS);
         let of_part = |part: usize| -> Result<Vec<(usize, [f64; 2])>, ScoringError> {
-            let left_out = |i: usize| i % parts == part;
+            let left_out = |i: usize| groups.of(i) % parts == part;
             let basis = Basis::of(kind, motions, &options.vector, left_out)?;
             let described = basis.describe(&options.vector, motions)?;
             let (own, others): (Vec<usize>, Vec<usize>) = (0..motions.len()).partition(|i| left_out(*i));

@@ -6,17 +6,19 @@
 //! A motion is brought to a number of frames and turned about the vertical into one heading; its postures give
 //! eigenweights on one basis for all motions, which with the path of the body and the duration make its vector
 //! ([`VectorOptions`]). Markers and coordinates are found by name ([`Features`]). The scores s of the
-//! vectors in their principal components are mapped linearly, by least squares. How many components is decided
-//! by leave-one-out cross-validation on the components of all.
+//! vectors in their principal components are mapped linearly, by least squares on the first of them, by partial least squares or with a
+//! penalty ([`RegressionMethod`]). How many components, or which penalty, is decided by leave-one-out cross-validation ([`Tuning`]).
 //!
 //! Every score has a prediction interval ([`Score::interval`]) and says how far the motion is from the training motions ([`Score::distance`]).
 //!
 //! How accurate that is, is measured by [`validate`]: every motion is scored by a model that has not seen it, in its
-//! bases and its number of components neither, with the correlation's interval and p-value and simple
+//! bases and its tuning neither, nor other motions of its athlete where [`Groups`] say so, with the correlation's interval and p-value and simple
 //! predictors beside it.
 //!
 //! Source: N. F. Troje, *Decomposing biological motion*, J. Vision 2 (2002), 371–387.
 
+mod downdate;
+mod groups;
 mod learnt;
 mod model;
 mod options;
@@ -27,8 +29,9 @@ mod storage;
 mod validation;
 mod vector;
 
+pub use groups::Groups;
 pub use model::{Score, ScoringModel};
-pub use options::ScoringOptions;
+pub use options::{RegressionMethod, ScoringOptions, Tuning};
 pub use panel::{PanelScore, panel_score};
 pub use statistics::{Correlation, ValidationOptions, pearson, spearman};
 pub use storage::StorageError;
@@ -60,6 +63,28 @@ pub enum ScoringError {
         /// The most there can be.
         most: usize,
         /// Number requested.
+        found: usize,
+    },
+    /// Something that the method of the regression does not have.
+    #[error("`{argument}` must not be given for the method {method}, which has `{instead}`")]
+    NotOfMethod {
+        /// Name of the argument.
+        argument: &'static str,
+        /// The method.
+        method: RegressionMethod,
+        /// What the method has in its place.
+        instead: &'static str,
+    },
+    /// Too few motions are left without a group.
+    #[error(
+        "`groups` must leave at least {least} motions without any of them, found {found} without that of motion {motion}"
+    )]
+    Group {
+        /// The first motion of the group, from 0.
+        motion: usize,
+        /// Motions needed.
+        least: usize,
+        /// Motions left.
         found: usize,
     },
     /// A score is not on the scale.

@@ -4,10 +4,10 @@ use super::learnt::{self, Basis, Heading, Unseen};
 use super::options::ScoringOptions;
 use super::regression::Regression;
 use super::vector::Normalized;
-use super::{Features, Performance, ScoringError, VectorOptions};
+use super::{Features, Groups, Performance, RegressionMethod, ScoringError, Tuning, VectorOptions};
 use crate::analysis::Pca;
 use nalgebra::DMatrix;
-use somersault_core::argument::{expect_least, expect_range};
+use somersault_core::argument::{expect_least, expect_length, expect_range};
 
 /// What a model was taught.
 #[derive(Debug, Clone, PartialEq)]
@@ -70,12 +70,24 @@ impl ScoringModel {
         scores: &[f64],
         options: &ScoringOptions,
     ) -> Result<Self, ScoringError> {
-        options.check(motions.len(), scores, 2)?;
+        Self::train_in_groups(motions, scores, &Groups::single(motions.len()), options)
+    }
+
+    /// As [`train`](Self::train), with intervals and distances for motions of a group that is not among the training motions, such as of
+    /// another athlete: the errors by which intervals are as wide are those of whole groups left out.
+    pub fn train_in_groups(
+        motions: &[Performance],
+        scores: &[f64],
+        groups: &Groups,
+        options: &ScoringOptions,
+    ) -> Result<Self, ScoringError> {
+        expect_length("groups", groups.n_motions(), motions.len())?;
+        options.check(groups, scores, 2)?;
         let (features, motions_at) = normalize(motions, &options.vector)?;
         let sizes = learnt::sizes(features.kind, &motions_at)?;
         let basis = Basis::of(features.kind, &motions_at, &options.vector, |_| false)?;
         let vectors = basis.describe(&options.vector, &motions_at)?.vectors;
-        let Unseen { distances, errors } = Unseen::of(features.kind, &motions_at, scores, options)?;
+        let Unseen { distances, errors } = Unseen::of(features.kind, &motions_at, scores, groups, options)?;
         let regression = Regression::of(&vectors, scores, options)?;
         Ok(Self {
             vector: options.vector,
@@ -133,9 +145,19 @@ impl ScoringModel {
         &self.eigenpostures
     }
 
-    /// The basis of motions, the thesis' Eigendives.
+    /// The basis of motions, the thesis' Eigendives: those that a regression on principal components uses, or all.
     pub fn eigenmotions(&self) -> &Pca {
         &self.regression.eigenmotions
+    }
+
+    /// How scores are regressed on vectors.
+    pub fn method(&self) -> RegressionMethod {
+        self.regression.method
+    }
+
+    /// The number of components or the penalty that was requested, or that cross-validation chose.
+    pub fn tuning(&self) -> Tuning {
+        self.regression.tuning
     }
 
     /// What a unit of each Eigendive's weight adds to the score.

@@ -1,6 +1,6 @@
 //! Correlations and their intervals.
 
-use super::ScoringError;
+use super::{Groups, ScoringError};
 use rand::seq::SliceRandom;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -103,16 +103,35 @@ impl Coefficients {
     }
 }
 
-/// The `value`s with percentile intervals over resamples of n motions, given by their counts, and fractions of the
-/// shuffles, given by their order, that reach them. Resamples that have no coefficient are left out, shuffles
+/// Scores in another order: the means of groups shuffled among groups, and what scores differ by from them within groups. Of single
+/// motions any order is as likely.
+fn shuffled(scores: &[f64], groups: &Groups, rng: &mut ChaCha8Rng) -> Vec<f64> {
+    let mean = |own: &Vec<usize>| own.iter().map(|&i| scores[i]).sum::<f64>() / own.len() as f64;
+    let means: Vec<f64> = groups.motions().iter().map(mean).collect();
+    let mut order: Vec<usize> = (0..means.len()).collect();
+    order.shuffle(rng);
+    let mut shuffled = vec![0.0; scores.len()];
+    for (group, own) in groups.motions().iter().enumerate() {
+        let mut from = own.clone();
+        from.shuffle(rng);
+        for (&i, &from) in own.iter().zip(&from) {
+            shuffled[i] = means[order[group]] + (scores[from] - means[group]);
+        }
+    }
+    shuffled
+}
+
+/// The `value`s with percentile intervals over resamples of the groups, given by the counts of motions, and fractions of the
+/// shuffles of the scores that reach them. Resamples that have no coefficient are left out, shuffles
 /// count as 0. Every draw has a stream of its own, so that threads do not matter.
 pub(super) fn resampled(
     value: Coefficients,
+    scores: &[f64],
     options: &ValidationOptions,
-    n: usize,
+    groups: &Groups,
     token: &CancellationToken,
     of_resample: impl Fn(&[f64]) -> Option<Coefficients> + Sync,
-    of_shuffle: impl Fn(&[usize]) -> Option<Coefficients> + Sync,
+    of_shuffle: impl Fn(&[f64]) -> Option<Coefficients> + Sync,
 ) -> Result<[Correlation; 2], ScoringError> {
     let rng = |stream: usize| {
         let mut rng = ChaCha8Rng::seed_from_u64(options.seed);
@@ -124,8 +143,10 @@ pub(super) fn resampled(
         if token.is_cancelled() {
             return None;
         }
-        let (mut rng, mut counts) = (rng(2 * k), vec![0.0; n]);
-        (0..n).for_each(|_| counts[rng.random_range(0..n)] += 1.0);
+        let n = groups.n_groups();
+        let (mut rng, mut drawn) = (rng(2 * k), vec![0.0; n]);
+        (0..n).for_each(|_| drawn[rng.random_range(0..n)] += 1.0);
+        let counts: Vec<f64> = (0..scores.len()).map(|i| drawn[groups.of(i)]).collect();
         of_resample(&counts)
     };
     let resamples: Vec<Coefficients> = draws.clone().into_par_iter().filter_map(resample).collect();
@@ -133,9 +154,7 @@ pub(super) fn resampled(
         if token.is_cancelled() {
             return None;
         }
-        let mut order: Vec<usize> = (0..n).collect();
-        order.shuffle(&mut rng(2 * k + 1));
-        of_shuffle(&order)
+        of_shuffle(&shuffled(scores, groups, &mut rng(2 * k + 1)))
     };
     let shuffles: Vec<Option<Coefficients>> = draws.into_par_iter().map(shuffle).collect();
     if token.is_cancelled() {

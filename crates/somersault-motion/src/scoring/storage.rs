@@ -2,8 +2,8 @@
 
 use super::learnt::Heading;
 use super::model::Learnt;
-use super::regression::{ComponentScores, Regression};
-use super::{FeatureKind, Features, ScoringModel, ScoringOptions, VectorOptions};
+use super::regression::Regression;
+use super::{FeatureKind, Features, RegressionMethod, ScoringModel, ScoringOptions, Tuning, VectorOptions};
 use crate::analysis::{AnalysisError, Pca};
 use crate::recording::expect_unique;
 use nalgebra::{DMatrix, DVector};
@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use somersault_core::argument::expect_length;
 
 const FORMAT: &str = "somersault scoring model";
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 /// What lengths and axes of a model are in, and where it faces.
 const CONVENTION: [&str; 3] = ["m", "z", "turned about z to the nearest to the reference"];
 /// Rounding of numbers that follow from others.
@@ -95,6 +95,8 @@ pub(super) struct Stored {
     vector: VectorOptions,
     /// Least and greatest score.
     scale: [f64; 2],
+    method: RegressionMethod,
+    tuning: Tuning,
     intercept: f64,
     coefficients: Vec<f64>,
     eigenpostures: StoredPca,
@@ -201,6 +203,8 @@ impl From<ScoringModel> for Stored {
             scale: model.scale,
             eigenpostures: (&model.eigenpostures).into(),
             eigenmotions: (&model.regression.eigenmotions).into(),
+            method: model.regression.method,
+            tuning: model.regression.tuning,
             intercept: model.regression.intercept,
             coefficients: model.regression.coefficients,
             learnt: StoredLearnt {
@@ -250,13 +254,13 @@ impl TryFrom<Stored> for ScoringModel {
             scores,
             sizes,
         };
-        let (intercept, synthetic, scale) = (stored.intercept, stored.synthetic, stored.scale);
+        let Stored { method, tuning, intercept, synthetic, scale, .. } = stored;
         let model = Self {
             vector,
             features,
             heading,
             eigenpostures,
-            regression: Regression { eigenmotions, intercept, coefficients },
+            regression: Regression { eigenmotions, intercept, coefficients, method, tuning },
             scale,
             learnt,
             synthetic,
@@ -275,7 +279,7 @@ impl ScoringModel {
     /// found.
     fn expect_sense(&self) -> Result<(), StorageError> {
         let Learnt { vectors, distances, errors, scores, sizes } = &self.learnt;
-        let Regression { eigenmotions, intercept, coefficients } = &self.regression;
+        let Regression { eigenmotions, intercept, coefficients, method, tuning } = &self.regression;
         let n = scores.len();
         expect_length("distances", distances.len(), n).map_err(AnalysisError::from)?;
         expect_length("errors", errors.len(), n).map_err(AnalysisError::from)?;
@@ -301,11 +305,22 @@ impl ScoringModel {
         if (mean - eigenmotions.mean()).amax() > ROUNDING * size {
             return sense("eigenmotions.mean", "the mean of the vectors");
         }
-        let components = ComponentScores::of(eigenmotions, vectors)?;
-        let expected = components.coefficients(scores);
+        let is_tuning = match (method, tuning) {
+            (RegressionMethod::Ridge, Tuning::Penalty(penalty)) => *penalty > 0.0 && penalty.is_finite(),
+            (RegressionMethod::Ridge, _) | (_, Tuning::Penalty(_)) => false,
+            (RegressionMethod::PrincipalComponents, Tuning::Components(k)) => *k == coefficients.len(),
+            (RegressionMethod::PartialLeastSquares, Tuning::Components(k)) => (1..n).contains(k),
+        };
+        if !is_tuning {
+            return sense(
+                "tuning",
+                "that of its method: components that there can be, or a positive penalty",
+            );
+        }
+        let (mean_score, expected) = self.regression.expected(vectors, scores)?;
         let near = |found: f64, expected: f64, of: f64| (found - expected).abs() <= ROUNDING * of;
         let width = self.scale[1] - self.scale[0];
-        if !near(*intercept, components.mean(scores), self.scale[0].abs().max(width)) {
+        if !near(*intercept, mean_score, self.scale[0].abs().max(width)) {
             return sense("intercept", "the mean of the scores");
         }
         let deviations = eigenmotions.explained_variance().iter().map(|v| v.sqrt());

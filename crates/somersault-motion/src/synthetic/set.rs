@@ -135,6 +135,7 @@ impl SyntheticSet {
         let line = |(k, score): (usize, &f64)| JudgedMotion {
             file: format!("SYNTHETIC_{:04}.csv", k + 1),
             score: *score,
+            athlete: None,
             synthetic: true,
             features: Vec::new(),
             line: k + 3,

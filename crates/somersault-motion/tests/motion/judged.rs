@@ -3,7 +3,7 @@
 use crate::files::{BVH, CSV, TRC};
 use crate::synthetic::judged;
 use somersault_motion::judged::{self as list, JudgedError, JudgedOptions, JudgedSet, load_set};
-use somersault_motion::readers::{LoadError, Place, ReadError};
+use somersault_motion::readers::{LoadError, Place, ReadError, awards};
 use somersault_motion::scoring::{ScoringModel, ScoringOptions};
 use somersault_motion::synthetic::SyntheticOptions;
 use somersault_motion::writers::WriteError;
@@ -53,6 +53,10 @@ fn a_list_is_read_with_its_features_and_lines() {
     assert!(!text.contains("SYNTHETIC"));
     let again = list::read(&text).unwrap();
     assert_eq!(again.motions[1].features, found.motions[1].features);
+    let named = list::read("athlete,motion,score\nAnn,a.csv,7\nBea B.,b.csv,6\n").unwrap();
+    assert_eq!(named.motions[1].athlete.as_deref(), Some("Bea B."));
+    let again = list::read(&list::write(&named).unwrap()).unwrap();
+    assert_eq!(again.motions[0].athlete, named.motions[0].athlete);
 }
 
 #[test]
@@ -89,6 +93,64 @@ fn a_wrong_list_is_named_with_its_line() {
         assert_eq!(change("sub/b.trc", path), 5, "{path}");
     }
     assert_eq!(line("motion,score,synthetic\na.csv,1,maybe\n"), 2);
+    assert_eq!(line("motion,score,athlete\na.csv,1,Ann\nb.csv,1,\n"), 3);
+}
+
+#[test]
+fn awards_are_read_as_tables_have_them() {
+    // a panel of seven, whose columns are not in order; points by hand: 7.5 + 7.0 + 7.5 count
+    let strict = "diver,J7,J1,J2,J3,J4,J5,J6,Dive No.,DD,Points\nAnn,7.5,7,8.5,6.5,7.5,8,7,107B,3.6,79.2\n";
+    let table = awards::read(strict.as_bytes(), true).unwrap();
+    let dive = &table.dives[0];
+    assert_eq!(dive.awards, [7.0, 8.5, 6.5, 7.5, 8.0, 7.0, 7.5]);
+    assert!((dive.panel.points - 79.2).abs() < 1e-12 && (dive.score() - 22.0 / 3.0).abs() < 1e-12);
+    assert_eq!((dive.athlete.as_deref(), dive.dive.as_deref(), dive.line), (Some("Ann"), Some("107B"), 2));
+    assert!(table.repairs.is_empty());
+    // lists, a column that nobody needs, eleven judges of two divers, a panel of five, points that are another's
+    let lists = "action_type,judge_scores,difficulty,dive_score,start_frame\n\
+                 107B,\"[7.0, 8.0, 7.5, 6.0, 7.0]\",2.0,43.0,12\n\
+                 5253B,\"[7, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7]\",3.0,63.0,40\n\
+                 \n\
+                 205B,'7.5 8.0 7.5',2.0,46.0,80\n";
+    let table = awards::read(lists.as_bytes(), false).unwrap();
+    assert_eq!(table.dives.iter().map(|dive| dive.panel.points).collect::<Vec<_>>(), [43.0, 46.0]);
+    let said: Vec<String> = table.repairs.iter().map(ToString::to_string).collect();
+    assert_eq!(
+        said,
+        ["line 1: the column `start_frame` is left out", "line 3: dives of 11 judges are left out"]
+    );
+    let wrong = lists.replace("46.0", "45.0");
+    let table = awards::read(wrong.as_bytes(), false).unwrap();
+    assert_eq!((table.dives[1].stated, table.dives[1].panel.points), (Some(45.0), 46.0));
+    assert_eq!(table.repairs.len(), 3);
+    // semicolons, decimal commas, Latin-1, empty columns of a smaller panel
+    let latin = b"Name;Tariff;E1;E2;E3;E4;E5\nJos\xe9;1,8;7;7,5;7;;\n";
+    let table = awards::read(latin, false).unwrap();
+    assert_eq!(table.dives[0].athlete.as_deref(), Some("José"));
+    assert!((table.dives[0].panel.points - 21.5 * 1.8).abs() < 1e-12);
+
+    let line = |text: &str, strict: bool| match awards::read(text.as_bytes(), strict) {
+        Err(error) => (error.place(), error.to_string()),
+        Ok(table) => panic!("{text}: {table:?}"),
+    };
+    for (text, strict, place) in [
+        ("", false, 1),
+        ("dd,j1,j2,j3\n", false, 1),
+        ("j1,j2,j3\n7,7,7\n", false, 1),
+        ("dd,score\n2,7\n", false, 1),
+        ("dd,j1,judge 1,j2\n2,7,7,7\n", false, 1),
+        ("dd,j1,j2,j3,awards\n2,7,7,7,7\n", false, 1),
+        ("dd,j1,j2,j3\n2,7,7\n", false, 2),
+        ("dd,j1,j2,j3\n2,7,7.2,7\n", false, 2),
+        ("dd,j1,j2,j3\n0,7,7,7\n", false, 2),
+        ("dd,j1,j2,j3\n2,7,seven,7\n", false, 2),
+        ("dd,j1,j2,j3\n2,7,7,7\n2,7,7,\n", true, 3),
+        ("dd,j1,j2,j3,points\n2,7,7,7,41\n", true, 2),
+        ("dd,awards\n2,\"[7, 7, nan]\"\n", false, 2),
+    ] {
+        let (found, message) = line(text, strict);
+        assert_eq!(found, Some(Place::Line(place)), "{text}: {message}");
+    }
 }
 
 #[test]
@@ -186,6 +248,8 @@ fn a_set_that_could_not_be_read_again_is_not_written() {
     let error = refused(&|set| set.list.motions[3].features.push(1.0));
     assert!(matches!(error, JudgedError::Write(WriteError::Features { motion: 3, .. })), "{error}");
     let error = refused(&|set| set.list.feature_names.push("score".into()));
+    assert!(matches!(error, JudgedError::Write(WriteError::Name { .. })), "{error}");
+    let error = refused(&|set| set.list.motions[1].athlete = Some("Ann".into()));
     assert!(matches!(error, JudgedError::Write(WriteError::Name { .. })), "{error}");
     let error = refused(&|set| drop(set.recordings.pop()));
     assert!(matches!(error, JudgedError::Write(WriteError::Recordings { found: 3, .. })), "{error}");

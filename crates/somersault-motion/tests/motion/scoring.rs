@@ -4,12 +4,16 @@ use nalgebra::{DMatrix, Vector3};
 use rand::{RngExt, SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
 use somersault_core::argument::ArgumentError;
+use somersault_core::cancel::CancellationToken;
 use somersault_motion::analysis::AnalysisError;
 use somersault_motion::recording::{MarkerRecording, RecordingError};
 use somersault_motion::scoring::{
-    Performance, ScoringError, ScoringModel, ScoringOptions, StorageError, ValidationOptions, VectorOptions,
-    panel_score, validate,
+    Groups, Performance, RegressionMethod, ScoringError, ScoringModel, ScoringOptions, StorageError, Tuning,
+    ValidationOptions, VectorOptions, panel_score, validate, validate_cancellable,
 };
+
+const METHODS: [RegressionMethod; 3] =
+    [RegressionMethod::PrincipalComponents, RegressionMethod::PartialLeastSquares, RegressionMethod::Ridge];
 
 /// Motions of four joints that differ by two numbers each, how deep and how late the body folds, and by noise;
 /// and a linear judge of these numbers with noise of his own.
@@ -90,6 +94,51 @@ fn intervals_of_scores_hold_unseen_scores_at_their_level() {
     }
 }
 
+/// As the thesis, with vectors of a third of the length.
+fn short() -> ScoringOptions {
+    let thesis = ScoringOptions::thesis();
+    ScoringOptions { vector: VectorOptions { n_frames: 20, ..thesis.vector }, ..thesis }
+}
+
+/// Coverage and mean width of 95 % intervals for motions that models have not seen, of scores that follow from motions or not, and the
+/// width that the scores by themselves need.
+fn intervals(method: RegressionMethod, sets: u64, of_motions: bool) -> [f64; 3] {
+    let (mut held, mut widths, mut needed) = (0, 0.0, 0.0);
+    for seed in 0..sets {
+        let (motions, mut scores) = judged(60, 0.2, 300 + seed);
+        if !of_motions {
+            scores = judged(60, 0.2, 700 + seed).1;
+        }
+        let options = ScoringOptions { method, ..short() };
+        let model = ScoringModel::train(&motions[..40], &scores[..40], &options).unwrap();
+        for (motion, score) in motions.iter().zip(&scores).skip(40) {
+            let [lower, upper] = model.score(motion).unwrap().interval;
+            held += usize::from((lower..=upper).contains(score));
+            widths += upper - lower;
+        }
+        let mut errors: Vec<f64> = scores.iter().map(|score| (score - 7.0).abs()).collect();
+        errors.sort_by(f64::total_cmp);
+        needed += 2.0 * errors[56] * 20.0;
+    }
+    let count = (20 * sets) as f64;
+    [held as f64 / count, widths / count, needed / count]
+}
+
+#[test]
+fn intervals_hold_their_level_and_are_not_too_wide_where_scores_mean_nothing() {
+    for method in METHODS {
+        for of_motions in [true, false] {
+            let [coverage, width, needed] = intervals(method, 8, of_motions);
+            println!(
+                "{method}, scores of the motions: {of_motions}: {coverage:.3} within {width:.2} of {needed:.2}"
+            );
+            assert!((0.88..=0.99).contains(&coverage), "{method}: {coverage}");
+            let most = if of_motions { 0.7 } else { 1.25 };
+            assert!(width < most * needed, "{method}: {width} of {needed}");
+        }
+    }
+}
+
 #[test]
 fn the_extreme_awards_of_a_panel_do_not_count() {
     let found = panel_score(&[7.0, 8.5, 6.5, 7.5, 8.0, 7.0, 7.5], 3.6).unwrap();
@@ -142,21 +191,135 @@ fn on_shuffled_scores_the_interval_contains_zero_at_its_level() {
     }
 }
 
+/// Fractions of p-values up to 0.05, of scores that differ between athletes, and motions that do, but do not follow from each other.
+fn small_p_values(sets: u64, grouped: bool) -> f64 {
+    let few = ValidationOptions { n_resamples: 59, ..ValidationOptions::default() };
+    let small = |seed: u64| {
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let (athletes, each) = (8, 3);
+        let mut scores = Vec::new();
+        let motions = (0..athletes * each).map(|i| {
+            if i % each == 0 {
+                scores.extend(vec![rng.random_range(4.0..9.0); each]);
+            }
+            scores[i] += rng.random_range(-0.3..0.3);
+            let own: Vec<f64> =
+                (0..4).map(|k| ((7 * (i / each) + k) as f64 * 1.7 + seed as f64).sin()).collect();
+            let times: Vec<f64> = (0..20).map(|k| f64::from(k) / 19.0).collect();
+            let postures = DMatrix::from_fn(20, 4, |t, k| {
+                own[k] * (2.0 * times[t]).cos() + 0.1 * rng.random_range(-1.0..1.0)
+            });
+            Performance::try_new(times, names(4), postures, DMatrix::zeros(20, 3)).unwrap()
+        });
+        let motions: Vec<Performance> = motions.collect();
+        let labels: Vec<usize> = (0..athletes * each).map(|i| if grouped { i / each } else { i }).collect();
+        let (groups, token) = (Groups::try_new(&labels).unwrap(), CancellationToken::new());
+        let options = ScoringOptions { max_components: 3, ..short() };
+        let found = validate_cancellable(&motions, &scores, &groups, &options, &few, &[], &token).unwrap();
+        found.pearson.p_value <= 0.05
+    };
+    (0..sets).filter(|seed| small(*seed)).count() as f64 / sets as f64
+}
+
+#[test]
+fn scores_that_only_tell_athletes_apart_are_a_finding_without_groups_alone() {
+    let [single, grouped] = [false, true].map(|grouped| small_p_values(24, grouped));
+    println!("p ≤ 0.05 in {single} of sets without groups, {grouped} with them");
+    // four deviations above 5 % are 23 %
+    assert!(single > 0.5 && grouped < 0.23, "{single}, {grouped}");
+}
+
 #[test]
 fn leaving_out_is_training_without() {
-    let (motions, scores) = judged(16, 0.1, 8);
-    let options = ScoringOptions::thesis();
+    let (motions, scores) = judged(14, 0.1, 8);
     let validation = ValidationOptions { n_resamples: 2, ..ValidationOptions::default() };
-    let found = validate(&motions, &scores, &options, &validation, &[]).unwrap();
-    for i in 0..motions.len() {
-        let (mut others, mut known) = (motions.clone(), scores.clone());
-        let motion = others.remove(i);
-        known.remove(i);
-        let model = ScoringModel::train(&others, &known, &options).unwrap();
-        assert_eq!(found.n_components[i], model.coefficients().len(), "motion {i}");
-        let off = found.predictions[i] - model.score(&motion).unwrap().value;
-        assert!(off.abs() < 1e-9, "motion {i}: {off:e}");
+    let single: Vec<usize> = (0..14).collect();
+    let athletes: Vec<usize> = (0..14).map(|i| i % 4).collect();
+    for method in METHODS {
+        let options = ScoringOptions { method, ..ScoringOptions::thesis() };
+        for labels in [&single, &athletes] {
+            let (groups, token) = (Groups::try_new(labels).unwrap(), CancellationToken::new());
+            let found =
+                validate_cancellable(&motions, &scores, &groups, &options, &validation, &[], &token).unwrap();
+            for i in 0..4 {
+                let others = (0..14).filter(|k| labels[*k] != labels[i]);
+                let (others, known): (Vec<_>, Vec<_>) =
+                    others.map(|k| (motions[k].clone(), scores[k])).unzip();
+                let model = ScoringModel::train(&others, &known, &options).unwrap();
+                assert_eq!(found.tunings[i], model.tuning(), "{method}, motion {i}");
+                let off = found.predictions[i] - model.score(&motions[i]).unwrap().value;
+                assert!(off.abs() < 1e-10, "{method}, motion {i}: {off:e}");
+                let mean = known.iter().sum::<f64>() / known.len() as f64;
+                assert!((found.baselines[0].predictions[i] - mean).abs() < 1e-13);
+            }
+        }
     }
+}
+
+#[test]
+fn scores_that_mean_nothing_are_not_explained() {
+    // R² without a motion that chooses its own tuning: on average not above zero
+    const SHUFFLES: usize = 20;
+    let (motions, mut scores) = judged(24, 0.1, 3);
+    let mut rng = ChaCha8Rng::seed_from_u64(14);
+    let few = ValidationOptions { n_resamples: 2, ..ValidationOptions::default() };
+    let mut found = vec![Vec::new(); 3];
+    for _ in 0..SHUFFLES {
+        scores.shuffle(&mut rng);
+        for (method, found) in METHODS.into_iter().zip(&mut found) {
+            let options = ScoringOptions { method, ..short() };
+            let found: &mut Vec<f64> = found;
+            found.push(validate(&motions, &scores, &options, &few, &[]).unwrap().r_squared());
+        }
+    }
+    for (method, found) in METHODS.into_iter().zip(found) {
+        let mean = found.iter().sum::<f64>() / found.len() as f64;
+        println!("{method}: R² {mean:.3} on average, from {found:.2?}");
+        assert!(mean < 0.0, "{method}: {mean}");
+    }
+}
+
+#[test]
+fn groups_that_cannot_be_left_out_are_refused() {
+    let (motions, scores) = judged(9, 0.1, 1);
+    let options = ScoringOptions::thesis();
+    let two = Groups::try_new(&[0, 0, 1, 1]);
+    assert!(
+        matches!(
+            two,
+            Err(ScoringError::Argument(ArgumentError::OutOfRange { argument: "groups", found: 2.0, .. }))
+        ),
+        "{two:?}"
+    );
+    let train = |labels: &[usize]| {
+        let groups = Groups::try_new(labels).unwrap();
+        ScoringModel::train_in_groups(&motions, &scores, &groups, &options).map(drop)
+    };
+    let short = ArgumentError::Length { argument: "groups", expected: 9, found: 8 };
+    assert_eq!(train(&[0, 1, 2, 3, 4, 5, 6, 7]), Err(ScoringError::Argument(short)));
+    let large = ScoringError::Group { motion: 1, least: 6, found: 5 };
+    assert_eq!(train(&[0, 1, 2, 1, 3, 1, 4, 1, 5]), Err(large));
+    assert_eq!(train(&[0, 1, 2, 1, 3, 1, 4, 6, 5]), Ok(()));
+}
+
+#[test]
+fn what_is_not_of_the_method_is_refused() {
+    let (motions, scores) = judged(9, 0.1, 1);
+    let train = |method, n_components, penalty| {
+        let options = ScoringOptions { method, n_components, penalty, ..ScoringOptions::thesis() };
+        ScoringModel::train(&motions, &scores, &options).map(|model| model.tuning())
+    };
+    let not_of = |argument, method, instead| Err(ScoringError::NotOfMethod { argument, method, instead });
+    let [components, partial, ridge] = METHODS;
+    assert_eq!(train(components, None, Some(0.1)), not_of("penalty", components, "n_components"));
+    assert_eq!(train(partial, Some(2), Some(0.1)), not_of("penalty", partial, "n_components"));
+    assert_eq!(train(ridge, Some(2), None), not_of("n_components", ridge, "penalty"));
+    for penalty in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+        let found = train(ridge, None, Some(penalty));
+        assert!(matches!(found, Err(ScoringError::Argument(ArgumentError::NotPositive { .. }))), "{found:?}");
+    }
+    assert_eq!(train(partial, Some(2), None), Ok(Tuning::Components(2)));
+    assert_eq!(train(ridge, None, Some(0.1)), Ok(Tuning::Penalty(0.1)));
 }
 
 #[test]
@@ -174,13 +337,25 @@ fn single_features_are_baselines() {
 #[test]
 fn models_come_back_to_the_bit() {
     let (motions, scores) = judged(20, 0.1, 5);
-    let model = ScoringModel::train(&motions, &scores, &ScoringOptions::thesis()).unwrap();
-    let text = model.to_json().unwrap();
-    let again = ScoringModel::from_json(&text).unwrap();
-    assert_eq!(again, model);
-    assert_eq!(again.score(&motions[0]), model.score(&motions[0]));
+    let mut text = String::new();
+    for method in METHODS {
+        let options = ScoringOptions { method, ..ScoringOptions::thesis() };
+        let model = ScoringModel::train(&motions, &scores, &options).unwrap();
+        text = model.to_json().unwrap();
+        let again = ScoringModel::from_json(&text).unwrap();
+        assert_eq!(again, model);
+        assert_eq!(again.score(&motions[0]), model.score(&motions[0]));
+    }
+    // a tuning of another method, or one that gives other coefficients
+    let stored: serde_json::Value = serde_json::from_str(&text).unwrap();
+    for tuning in [serde_json::json!({"components": 2}), serde_json::json!({"penalty": 1e3})] {
+        let mut stored = stored.clone();
+        stored["tuning"] = tuning;
+        let found = ScoringModel::from_json(&stored.to_string());
+        assert!(matches!(found, Err(StorageError::Sense { .. })), "{found:?}");
+    }
 
-    let found = ScoringModel::from_json(&text.replace("\"version\": 3", "\"version\": 1"));
+    let found = ScoringModel::from_json(&text.replace("\"version\": 4", "\"version\": 1"));
     assert!(matches!(found, Err(StorageError::Version { version: 1, .. })));
     let found = ScoringModel::from_json(&text.replace("\"n_frames\": 60", "\"n_frames\": 61"));
     assert!(matches!(found, Err(StorageError::Parts(_))), "{found:?}");

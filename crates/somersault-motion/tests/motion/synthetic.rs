@@ -149,7 +149,7 @@ fn scoring_recovers_the_synthetic_judge_within_his_noise() {
         found.rms_error,
         rms(&found.predictions, &set.intended),
         found.pearson,
-        found.n_components,
+        found.tunings,
     );
     // nearer to what the judge means than he is himself
     assert!(rms(&found.predictions, &set.intended) < judge.noise);

@@ -57,6 +57,9 @@ value! {
             |own, py| PyTuple::new(py, own.set.list.motions.iter().map(|motion| motion.file.as_str()));
         /// ndarray, shape (n_motions,): Scores.
         scores: Bound<'py, PyAny> = |own, py| numbers_array(py, &own.set.scores());
+        /// tuple of str or None: The athlete of each motion, where the list says so; `groups` of `validate` and `ScoringModel`.
+        athletes: PyResult<Option<Bound<'py, PyTuple>>> =
+            |own, py| own.set.athletes().map(|athletes| PyTuple::new(py, athletes)).transpose();
         /// list of bool: Whether motion or score are synthetic.
         synthetic: Vec<bool> = |own| own.set.list.motions.iter().map(|motion| motion.synthetic).collect();
         /// list of MarkerRecording: The motions.
@@ -139,7 +142,8 @@ impl JudgedSet {
         let (py, own) = (slf.py(), slf.get());
         let lines: Vec<usize> = own.set.list.motions.iter().map(|motion| motion.line).collect();
         let (features, recordings) = (own.features(py)?, own.recordings());
-        by_restore(slf, (own.files(py)?, own.scores(py), own.synthetic(), lines, features, recordings))
+        let (files, athletes) = (own.files(py)?, own.athletes(py)?);
+        by_restore(slf, (files, own.scores(py), own.synthetic(), lines, features, recordings, athletes))
     }
 
     /// A pickled set.
@@ -152,8 +156,10 @@ impl JudgedSet {
         lines: Vec<usize>,
         features: &Bound<'_, PyDict>,
         recordings: Vec<Bound<'_, MarkerRecording>>,
+        athletes: Option<Vec<String>>,
     ) -> Result<Self, Error> {
         let n = files.len();
+        same_length("athletes", athletes.as_ref().map_or(n, Vec::len), n)?;
         let scores = with_shape("scores", &[n], scores)?;
         same_length("synthetic", synthetic.len(), n)?;
         same_length("lines", lines.len(), n)?;
@@ -166,6 +172,7 @@ impl JudgedSet {
         let motion = |(k, file): (usize, String)| judged::JudgedMotion {
             file,
             score: scores[k],
+            athlete: athletes.as_ref().map(|athletes| athletes[k].clone()),
             synthetic: synthetic[k],
             features: columns.iter().map(|column| column[k]).collect(),
             line: lines[k],
@@ -185,8 +192,8 @@ impl JudgedSet {
 
 /// Reads motions with scores: a list as comma-separated values, and the files that it names.
 ///
-/// The first line of the list names its columns: ``motion``, a file below the folder of the list; ``score``; ``synthetic``,
-/// which may be left out, ``true`` or ``false``; all others are numbers that serve as single features. Files are read by
+/// The first line of the list names its columns: ``motion``, a file below the folder of the list; ``score``; ``athlete`` and ``synthetic``,
+/// which may be left out, a name, and ``true`` or ``false``; all others are numbers that serve as single features. Files are read by
 /// their ending: ``.csv``, ``.trc`` and ``.c3d`` have markers; of ``.bvh``, ``.json`` and ``.txt`` joint centres are taken. All must
 /// have the markers of the first, and no file may be listed twice. Contradictions in a C3D are warned of as by `read_c3d`.
 ///

@@ -1,6 +1,7 @@
 //! Recorded motions.
 
 mod advice;
+mod awards;
 mod channels;
 mod convention;
 mod faults;
@@ -28,6 +29,8 @@ mod writers;
 pub(crate) mod module {
     #[pymodule_export]
     use crate::motion::advice::{Advice, FlightAdvice, WhatIf, advise_flight, what_if};
+    #[pymodule_export]
+    use crate::motion::awards::{AwardTable, read_awards};
     #[pymodule_export]
     use crate::motion::channels::ChannelRecording;
     #[pymodule_export]

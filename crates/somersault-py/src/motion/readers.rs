@@ -19,7 +19,7 @@ use somersault::motion::readers::{
 use somersault::multibody::models;
 
 /// The bytes of a file, and its name for messages. A path is opened by Python, whose exceptions say why one cannot be.
-fn bytes_of(source: &Bound<'_, PyAny>) -> Result<(Vec<u8>, Option<String>), Error> {
+pub(super) fn bytes_of(source: &Bound<'_, PyAny>) -> Result<(Vec<u8>, Option<String>), Error> {
     if source.hasattr("read")? {
         let content = source.call_method0("read")?;
         if let Ok(text) = content.extract::<String>() {
@@ -60,9 +60,9 @@ fn unloaded(error: LoadError) -> Error {
 }
 
 /// A read that failed, with line or byte as attributes of the exception.
-struct Failed {
-    error: ReadError,
-    name: Option<String>,
+pub(super) struct Failed {
+    pub(super) error: ReadError,
+    pub(super) name: Option<String>,
 }
 
 impl From<Failed> for Error {

@@ -3,7 +3,7 @@
 use super::markers::MarkerRecording;
 use super::matrix::{self, count, matrix, matrix_array, numbers_array, same_length};
 use super::pca::Pca;
-use crate::core::convert::{entries, real_numbers};
+use crate::core::convert::{a_type, entries, entries_or_none, real_numbers};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, value};
 use crate::core::waiting::leave_on_signal;
@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyTuple, PyType};
 use somersault::motion::nalgebra::Vector3;
 use somersault::motion::recording;
-use somersault::motion::scoring::{self, FeatureKind, VectorOptions};
+use somersault::motion::scoring::{self, FeatureKind, Groups, RegressionMethod, Tuning, VectorOptions};
 
 /// A motion to be scored, frame by frame.
 ///
@@ -161,6 +161,22 @@ impl Performance {
     }
 }
 
+/// The components of a regression, where it has some.
+pub(super) fn components(tuning: Tuning) -> Option<usize> {
+    match tuning {
+        Tuning::Components(n) => Some(n),
+        Tuning::Penalty(_) => None,
+    }
+}
+
+/// The penalty of a regression, where it has one.
+pub(super) fn penalty(tuning: Tuning) -> Option<f64> {
+    match tuning {
+        Tuning::Components(_) => None,
+        Tuning::Penalty(penalty) => Some(penalty),
+    }
+}
+
 /// Motions as Rust takes them.
 pub(super) fn performances(motions: &[Bound<'_, Performance>]) -> Vec<scoring::Performance> {
     motions.iter().map(|motion| motion.get().performance.clone()).collect()
@@ -178,10 +194,16 @@ pub(super) fn performances(motions: &[Bound<'_, Performance>]) -> Vec<scoring::P
 ///     Whether the path of the body, from where it begins, is part of a motion's vector.
 /// duration : bool, optional
 ///     Whether the duration is.
+/// method : {'pcr', 'pls', 'ridge'}, optional
+///     How scores are regressed on the vectors of motions: by least squares on their first principal components, as in the thesis; by partial
+///     least squares; or with a penalty on the squares of the coefficients (ridge regression).
 /// n_components : int, optional
-///     Components of the second PCA; chosen by cross-validation unless given.
+///     Components of 'pcr' and 'pls'; chosen by leave-one-out cross-validation unless given.
 /// max_components : int, optional
 ///     The most that cross-validation may choose.
+/// penalty : float, optional
+///     Of 'ridge', as a fraction of the vectors' sum of squares about their mean: scikit-learn's `alpha` is `penalty` times that sum. Positive;
+///     chosen by leave-one-out cross-validation from 1e-4 to 10 unless given.
 /// scale : tuple of float, optional
 ///     Least and greatest score there is; 0 to 10 unless given. Scores outside are refused.
 ///
@@ -189,6 +211,8 @@ pub(super) fn performances(motions: &[Bound<'_, Performance>]) -> Vec<scoring::P
 /// --------
 /// >>> from somersault import motion
 /// >>> motion.ScoringOptions(n_eigenweights=2, duration=True).duration
+/// True
+/// >>> motion.ScoringOptions(method="ridge").penalty is None
 /// True
 #[pyclass(frozen, module = "somersault.motion")]
 #[derive(Clone)]
@@ -213,10 +237,14 @@ value! {
         path: bool = |own| own.options.vector.path;
         /// bool: Whether the duration is.
         duration: bool = |own| own.options.vector.duration;
-        /// int or None: Components of the second PCA.
+        /// str: ``'pcr'``, ``'pls'`` or ``'ridge'``.
+        method: String = |own| own.options.method.to_string();
+        /// int or None: Components of 'pcr' and 'pls'.
         n_components: Option<usize> = |own| own.options.n_components;
         /// int: The most that cross-validation may choose.
         max_components: usize = |own| own.options.max_components;
+        /// float or None: Penalty of 'ridge'.
+        penalty: Option<f64> = |own| own.options.penalty;
         /// tuple of float: Least and greatest score there is.
         scale: (f64, f64) = |own| own.options.scale.into();
     }
@@ -226,16 +254,18 @@ value! {
 impl ScoringOptions {
     #[new]
     #[pyo3(signature = (
-        *, n_frames=60, n_eigenweights=4, path=true, duration=false, n_components=None, max_components=5,
-        scale=(0.0, 10.0)
+        *, n_frames=60, n_eigenweights=4, path=true, duration=false, method="pcr", n_components=None,
+        max_components=5, penalty=None, scale=(0.0, 10.0)
     ))]
     fn new(
         n_frames: i128,
         n_eigenweights: i128,
         path: bool,
         duration: bool,
+        method: &str,
         n_components: Option<i128>,
         max_components: i128,
+        penalty: Option<f64>,
         scale: (f64, f64),
     ) -> Result<Self, Error> {
         let (n_frames, n_eigenweights) =
@@ -243,17 +273,20 @@ impl ScoringOptions {
         let n_components = n_components.map(|n| count("n_components", n)).transpose()?;
         let max_components = count("max_components", max_components)?;
         let vector = VectorOptions { n_frames, n_eigenweights, path, duration };
-        let options = scoring::ScoringOptions { vector, n_components, max_components, scale: scale.into() };
+        let (method, scale) = (method_of(method)?, scale.into());
+        let options =
+            scoring::ScoringOptions { vector, method, n_components, max_components, penalty, scale };
         options.expect_scale(&[])?;
+        options.expect_tuning()?;
         Ok(Self { options })
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
-        let scoring::ScoringOptions { vector, n_components, max_components, scale } = slf.get().options;
+        let scoring::ScoringOptions { vector, n_components, max_components, penalty, scale, .. } =
+            slf.get().options;
         let VectorOptions { n_frames, n_eigenweights, path, duration } = vector;
-        let arguments =
-            (n_frames, n_eigenweights, path, duration, n_components, max_components, (scale[0], scale[1]));
-        by_restore(slf, arguments)
+        let regression = (slf.get().method(), n_components, max_components, penalty);
+        by_restore(slf, (n_frames, n_eigenweights, path, duration, regression, (scale[0], scale[1])))
     }
 
     /// Pickled choices.
@@ -264,28 +297,55 @@ impl ScoringOptions {
         n_eigenweights: i128,
         path: bool,
         duration: bool,
-        n_components: Option<i128>,
-        max_components: i128,
+        regression: (String, Option<i128>, i128, Option<f64>),
         scale: (f64, f64),
     ) -> Result<Self, Error> {
-        Self::new(n_frames, n_eigenweights, path, duration, n_components, max_components, scale)
+        let (method, n, most, penalty) = regression;
+        Self::new(n_frames, n_eigenweights, path, duration, &method, n, most, penalty, scale)
     }
 
     fn __repr__(&self) -> String {
         let has = |with: bool| if with { "True" } else { "False" };
         let n_components = self.options.n_components.map_or("None".to_owned(), |n| n.to_string());
+        let penalty = self.options.penalty.map_or("None".to_owned(), |penalty| penalty.to_string());
         format!(
-            "ScoringOptions(n_frames={}, n_eigenweights={}, path={}, duration={}, n_components={n_components}, \
-             max_components={}, scale=({}, {}))",
+            "ScoringOptions(n_frames={}, n_eigenweights={}, path={}, duration={}, method='{}', \
+             n_components={n_components}, max_components={}, penalty={penalty}, scale=({}, {}))",
             self.n_frames(),
             self.n_eigenweights(),
             has(self.path()),
             has(self.duration()),
+            self.options.method,
             self.max_components(),
             self.options.scale[0],
             self.options.scale[1]
         )
     }
+}
+
+fn method_of(name: &str) -> Result<RegressionMethod, Error> {
+    use RegressionMethod::{PartialLeastSquares, PrincipalComponents, Ridge};
+    [PrincipalComponents, PartialLeastSquares, Ridge]
+        .into_iter()
+        .find(|method| method.to_string() == name)
+        .ok_or_else(|| Error::input(format!("`method` must be 'pcr', 'pls' or 'ridge', found '{name}'")))
+}
+
+/// Groups by labels, which are texts or integers.
+pub(super) fn groups_of(labels: Option<Vec<Bound<'_, PyAny>>>, n: usize) -> Result<Groups, Error> {
+    let Some(labels) = labels else {
+        return Ok(Groups::single(n));
+    };
+    let label = |label: &Bound<'_, PyAny>| match (label.extract::<String>(), label.extract::<i64>()) {
+        (Ok(text), _) => Ok((Some(text), 0)),
+        (_, Ok(number)) => Ok((None, number)),
+        _ => {
+            Err(Error::input(format!("`groups` must be labels that are str or int, found {}", a_type(label))))
+        }
+    };
+    let labels: Vec<(Option<String>, i64)> = labels.iter().map(label).collect::<Result<_, Error>>()?;
+    same_length("groups", labels.len(), n)?;
+    Ok(Groups::try_new(&labels)?)
 }
 
 /// A score with its interval, and how far the motion is from those that the model has learnt from.
@@ -338,7 +398,7 @@ impl Score {
 /// A model that scores motions, learnt from motions and their scores (thesis 4.1).
 ///
 /// Eigenpostures of all frames on one basis; for each motion a vector of its eigenweights, path and duration; principal
-/// components of the vectors; score = a + b·s. Every motion is turned about the vertical into one heading, so that it does not
+/// components of the vectors; score = a + b·s, by the method of the options. Every motion is turned about the vertical into one heading, so that it does not
 /// matter where a diver faces in the laboratory. The model keeps the names of what it has learnt, and finds them in others by name.
 ///
 /// Parameters
@@ -348,11 +408,14 @@ impl Score {
 /// scores : array_like, shape (n_motions,)
 ///     Within the scale of the options.
 /// options : ScoringOptions, optional
+/// groups : sequence of str or int, optional
+///     A label of each motion, such as its athlete. Intervals and distances are then for motions of a group that is not among the training
+///     motions. Three groups at least; each motion is its own unless given.
 ///
 /// Raises
 /// ------
 /// InputError
-///     If there are too few motions, one lacks a marker or is in another unit, scores are not finite or not on the scale, or
+///     If there are too few motions or groups, one lacks a marker or is in another unit, scores are not finite or not on the scale, or
 ///     motions have fewer numbers than components are requested.
 ///
 /// Examples
@@ -387,9 +450,15 @@ value! {
         scale: (f64, f64) = |own| own.model.scale().into();
         /// Pca: The basis of postures.
         eigenpostures: Pca = |own| Pca { pca: own.model.eigenpostures().clone() };
-        /// Pca: The basis of motions, the thesis' Eigendives.
+        /// Pca: The basis of motions, the thesis' Eigendives: those that 'pcr' uses, or all.
         eigenmotions: Pca = |own| Pca { pca: own.model.eigenmotions().clone() };
-        /// ndarray, shape (n_components,): What a unit of each Eigendive's weight adds to the score.
+        /// str: ``'pcr'``, ``'pls'`` or ``'ridge'``.
+        method: String = |own| own.model.method().to_string();
+        /// int or None: Components of 'pcr' and 'pls', requested or chosen by cross-validation.
+        n_components: Option<usize> = |own| components(own.model.tuning());
+        /// float or None: Penalty of 'ridge', requested or chosen by cross-validation.
+        penalty: Option<f64> = |own| penalty(own.model.tuning());
+        /// ndarray, shape (n_eigenmotions,): What a unit of each Eigendive's weight adds to the score.
         coefficients: Bound<'py, PyAny> = |own, py| numbers_array(py, own.model.coefficients());
         /// float: The score of the mean motion.
         intercept: f64 = |own| own.model.intercept();
@@ -401,16 +470,18 @@ value! {
 #[pymethods]
 impl ScoringModel {
     #[new]
-    #[pyo3(signature = (motions, scores, options=None))]
+    #[pyo3(signature = (motions, scores, options=None, *, groups=None))]
     fn new(
         py: Python<'_>,
         #[pyo3(from_py_with = entries)] motions: Vec<Bound<'_, Performance>>,
         scores: &Bound<'_, PyAny>,
         options: Option<&Bound<'_, ScoringOptions>>,
+        #[pyo3(from_py_with = entries_or_none)] groups: Option<Vec<Bound<'_, PyAny>>>,
     ) -> Result<Self, Error> {
         let (motions, scores) = (performances(&motions), real_numbers("scores", scores)?);
-        let options = ScoringOptions::or_thesis(options);
-        let model = leave_on_signal(py, move |_| scoring::ScoringModel::train(&motions, &scores, &options))?;
+        let (options, groups) = (ScoringOptions::or_thesis(options), groups_of(groups, motions.len())?);
+        let train = move |_: &_| scoring::ScoringModel::train_in_groups(&motions, &scores, &groups, &options);
+        let model = leave_on_signal(py, train)?;
         Ok(Self { model })
     }
 
@@ -519,8 +590,11 @@ impl ScoringModel {
 
     fn __repr__(&self) -> String {
         format!(
-            "<ScoringModel: {} components of motions, {} eigenpostures{}>",
-            self.model.coefficients().len(),
+            "<ScoringModel: {}, {} eigenpostures{}>",
+            match self.model.tuning() {
+                Tuning::Components(n) => format!("{} with {n} components of motions", self.model.method()),
+                Tuning::Penalty(penalty) => format!("ridge with a penalty of {penalty:.3e}"),
+            },
             self.model.eigenpostures().n_components(),
             if self.synthetic() { ", SYNTHETIC" } else { "" }
         )

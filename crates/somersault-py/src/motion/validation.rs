@@ -1,14 +1,14 @@
 //! How well motions are scored.
 
-use super::matrix::{self, count, numbers_array};
-use super::scoring::{Performance, ScoringOptions, performances};
-use crate::core::convert::{a_type, entries, real_numbers, with_shape};
+use super::matrix::{self, count, numbers_array, same_length};
+use super::scoring::{Performance, ScoringOptions, components, groups_of, penalty, performances};
+use crate::core::convert::{a_type, entries, entries_or_none, real_numbers, with_shape};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, brief, by_restore, value};
 use crate::core::waiting::leave_on_signal;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyType};
-use somersault::motion::scoring::{self, ValidationOptions};
+use somersault::motion::scoring::{self, Tuning, ValidationOptions};
 
 /// A coefficient of correlation with its confidence interval and p-value.
 #[pyclass(frozen, module = "somersault.motion")]
@@ -98,15 +98,20 @@ pub(crate) struct Validation {
 
 value! {
     impl Validation {
-        /// ndarray, shape (n_motions,): The score of each motion by a model of all others.
+        /// ndarray, shape (n_motions,): The score of each motion by a model of all others, or of all other groups.
         predictions: Bound<'py, PyAny> = |own, py| numbers_array(py, &own.validation.predictions);
         /// ndarray, shape (n_motions,): Distance of each motion to the others, over the greatest that one of the others has. The farthest
         /// of all is always beyond 1; far beyond, it is unlike the others.
         distances: Bound<'py, PyAny> = |own, py| numbers_array(py, &own.validation.distances);
-        /// list of int: Components of that model.
-        n_components: Vec<usize> = |own| own.validation.n_components.clone();
+        /// list of int: Components of that model; empty for 'ridge'.
+        n_components: Vec<usize> = |own| own.validation.tunings.iter().copied().filter_map(components).collect();
+        /// ndarray, shape (n_motions,): Penalty of that model; of 'ridge' alone, else empty.
+        penalties: Bound<'py, PyAny> = |own, py| numbers_array(py, &penalties_of(&own.validation));
         /// float: Root mean square of the errors.
         rms_error: f64 = |own| own.validation.rms_error;
+        /// float: Fraction of the squared error of predictions by the mean of the others that the model saves; zero or below where it is
+        /// no better.
+        r_squared: f64 = |own| own.validation.r_squared();
         /// Correlation: Pearson's, of scores with predictions less the mean of the other scores.
         pearson: Correlation = |own| Correlation { correlation: own.validation.pearson };
         /// Correlation: Spearman's, of the same.
@@ -119,11 +124,17 @@ value! {
     }
 }
 
+/// The penalty of each model, where they have one.
+fn penalties_of(validation: &scoring::Validation) -> Vec<f64> {
+    validation.tunings.iter().copied().filter_map(penalty).collect()
+}
+
 #[pymethods]
 impl Validation {
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
-        let predicted = (own.predictions(py), own.distances(py), own.n_components(), own.rms_error());
+        let tunings = (own.n_components(), penalties_of(&own.validation));
+        let predicted = (own.predictions(py), own.distances(py), tunings, own.rms_error());
         by_restore(slf, (predicted, own.pearson(), own.spearman(), own.baselines(), own.synthetic()))
     }
 
@@ -131,18 +142,23 @@ impl Validation {
     #[classmethod]
     fn _restore(
         _: &Bound<'_, PyType>,
-        predicted: (Bound<'_, PyAny>, Bound<'_, PyAny>, Vec<usize>, f64),
+        predicted: (Bound<'_, PyAny>, Bound<'_, PyAny>, (Vec<usize>, Vec<f64>), f64),
         pearson: &Bound<'_, Correlation>,
         spearman: &Bound<'_, Correlation>,
         baselines: Vec<Bound<'_, Baseline>>,
         synthetic: bool,
     ) -> Result<Self, Error> {
-        let (predictions, distances, n_components, rms_error) = predicted;
+        let (predictions, distances, (n_components, penalties), rms_error) = predicted;
         let predictions = real_numbers("predictions", &predictions)?;
+        same_length("n_components and penalties", n_components.len() + penalties.len(), predictions.len())?;
+        if !baselines.first().is_some_and(|baseline| baseline.get().name() == "mean") {
+            return Err(Error::input("`baselines` must begin with that of the mean"));
+        }
+        let components = n_components.into_iter().map(Tuning::Components);
         let validation = scoring::Validation {
             distances: with_shape("distances", &[predictions.len()], &distances)?,
             predictions,
-            n_components,
+            tunings: components.chain(penalties.into_iter().map(Tuning::Penalty)).collect(),
             rms_error,
             pearson: pearson.get().correlation,
             spearman: spearman.get().correlation,
@@ -154,9 +170,10 @@ impl Validation {
 
     fn __repr__(&self) -> String {
         format!(
-            "<Validation: {} motions, rms error {:.3}, Pearson {:.3}, Spearman {:.3}>",
+            "<Validation: {} motions, rms error {:.3}, R² {:.3}, Pearson {:.3}, Spearman {:.3}>",
             self.validation.predictions.len(),
             self.validation.rms_error,
+            self.r_squared(),
             self.validation.pearson.value,
             self.validation.spearman.value
         )
@@ -165,17 +182,23 @@ impl Validation {
 
 /// Scores each motion by a model of all others, and reports the errors.
 ///
-/// Bases, number of components and regression are rebuilt for each motion. The mean of the others falls where the score left
+/// Bases, number of components or penalty, and regression are rebuilt for each motion, so that no error is smaller for a choice that has
+/// seen it. The mean of the others falls where the score left
 /// out is high: it is correlated by −1 with any scores, and so in part are predictions, which contain it. So
 /// correlations are of what a prediction differs by from that mean. Scores that mean nothing still make them lean to the
 /// negative. Intervals are over resamples of the motions, each with models of its own; p-values are fractions of shuffles of the
-/// scores that are correlated at least as much. Costs n⁴ for n motions a resample.
+/// scores that are correlated at least as much. With `groups` the motions of each, such as those of an athlete, are left out and resampled
+/// together, and shuffles are of the groups' means, and within groups; intervals of few groups, less than ten, may be too narrow.
+///
+/// A resample of n motions costs one decomposition, n³, and n² for each number of components.
 ///
 /// Parameters
 /// ----------
 /// motions : sequence of Performance
 /// scores : array_like, shape (n_motions,)
 /// options : ScoringOptions, optional
+/// groups : sequence of str or int, optional
+///     A label of each motion: those of a label are left out together. Three at least; each motion is its own unless given.
 /// n_resamples : int, optional
 ///     Resamples of the motions for the intervals, and shuffles of the scores for the p-values.
 /// level : float, optional
@@ -192,7 +215,7 @@ impl Validation {
 /// Raises
 /// ------
 /// InputError
-///     If there are too few motions, or an argument is not allowed.
+///     If there are too few motions, or without one of the groups, or an argument is not allowed.
 ///
 /// Examples
 /// --------
@@ -208,19 +231,22 @@ impl Validation {
 /// >>> found.rms_error < 0.01
 /// True
 #[pyfunction]
-#[pyo3(signature = (motions, scores, options=None, *, n_resamples=1000, level=0.95, seed=0, features=None))]
+#[pyo3(signature = (
+    motions, scores, options=None, *, groups=None, n_resamples=1000, level=0.95, seed=0, features=None
+))]
 pub(crate) fn validate(
     py: Python<'_>,
     #[pyo3(from_py_with = entries)] motions: Vec<Bound<'_, Performance>>,
     scores: &Bound<'_, PyAny>,
     options: Option<&Bound<'_, ScoringOptions>>,
+    #[pyo3(from_py_with = entries_or_none)] groups: Option<Vec<Bound<'_, PyAny>>>,
     n_resamples: i128,
     level: f64,
     seed: i128,
     features: Option<&Bound<'_, PyDict>>,
 ) -> Result<Validation, Error> {
     let (motions, scores) = (performances(&motions), real_numbers("scores", scores)?);
-    let options = ScoringOptions::or_thesis(options);
+    let (options, groups) = (ScoringOptions::or_thesis(options), groups_of(groups, motions.len())?);
     let (n_resamples, seed) = (count("n_resamples", n_resamples)?, matrix::seed(seed)?);
     let choices = ValidationOptions { n_resamples, level, seed };
     let mut named: Vec<(String, Vec<f64>)> = Vec::new();
@@ -234,7 +260,7 @@ pub(crate) fn validate(
     let validation = leave_on_signal(py, move |token| {
         let features: Vec<(&str, &[f64])> =
             named.iter().map(|(name, values)| (name.as_str(), values.as_slice())).collect();
-        scoring::validate_cancellable(&motions, &scores, &options, &choices, &features, token)
+        scoring::validate_cancellable(&motions, &scores, &groups, &options, &choices, &features, token)
     })?;
     Ok(Validation { validation })
 }

@@ -103,7 +103,7 @@ pub(super) fn section(text: &str) -> (&str, bool) {
 }
 
 /// What stands between cells: a tab or a semicolon where most lines have one, and else a comma, which may be decimal.
-pub(super) fn separator(text: &str) -> u8 {
+pub(in crate::readers) fn separator(text: &str) -> u8 {
     let lines: Vec<&str> = text.lines().filter(|line| !line.trim().is_empty()).take(30).collect();
     let usual = |c: char| 2 * lines.iter().filter(|line| line.contains(c)).count() >= lines.len().max(1);
     if usual('\t') {
