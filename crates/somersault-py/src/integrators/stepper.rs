@@ -14,7 +14,7 @@ use crate::integrators::plan::{Plan, StepArguments, start_up_of, stiff_of};
 use crate::integrators::problem::{Problem, Stretches, Use};
 use crate::integrators::seen::{Curves, Seen};
 use crate::integrators::solve::{Bodies, Ended};
-use crate::integrators::trajectory::{Cast, DenseOutput, Trajectory, event_arrays};
+use crate::integrators::trajectory::{Cast, DenseOutput, EventArrays, Trajectory, event_arrays};
 use crate::integrators::watching::{EventFunctions, EventWatch, certified, unproved};
 use pyo3::exceptions::{PyRuntimeError, PyTypeError};
 use pyo3::prelude::*;
@@ -443,7 +443,7 @@ impl Stepper {
     }
 
     /// Times and states of the events of functions.
-    fn function_events(&self, py: Python<'_>) -> Result<Option<(Py<PyTuple>, Py<PyTuple>)>, Error> {
+    fn function_events(&self, py: Python<'_>) -> Result<Option<EventArrays>, Error> {
         let progress = self.progress()?;
         let found = || event_arrays(py, &self.cast, progress.found.iter().cloned());
         Ok(self.events.as_ref().map(|_| found()).transpose()?)

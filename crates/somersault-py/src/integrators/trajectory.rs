@@ -447,12 +447,15 @@ impl FunctionEvents {
     }
 }
 
-/// The times and the trajectories of the events of each function, from times and states of all bodies at the first, the second, …
+/// The times and the trajectories of the events of each function.
+pub(crate) type EventArrays = (Py<PyTuple>, Py<PyTuple>);
+
+/// The same, from times and states of all bodies at the first, the second, …
 pub(crate) fn event_arrays(
     py: Python<'_>,
     cast: &Cast,
     each: impl Iterator<Item = (Vec<f64>, Vec<RigidBodyState>)>,
-) -> PyResult<(Py<PyTuple>, Py<PyTuple>)> {
+) -> PyResult<EventArrays> {
     let (mut all_times, mut all_states) = (Vec::new(), Vec::new());
     for (times, states) in each {
         all_times.push(PyArray1::from_slice(py, &times));
