@@ -511,14 +511,15 @@ fn work_precision_adapts_where_a_method_can() {
     for m in Method::ALL {
         let choices = [StepChoice::Tolerance(1e-4), StepChoice::Tolerance(1e-7)];
         let points = work_precision(&problem, m, Options::default(), &choices, 1, &mut silent);
-        match m.info().embedded {
-            None => assert!(matches!(points, Err(StudyError::Integrate(_)))),
-            Some(_) => {
-                let points = points.unwrap();
-                assert!(points[1].errors.orientation < 1e-2 * points[0].errors.orientation, "{points:?}");
-                assert!(points[1].steps > points[0].steps && points[1].evaluations > points[1].steps);
-            }
+        if !m.info().is_adaptive() {
+            assert!(matches!(points, Err(StudyError::Integrate(_))));
+            continue;
         }
+        let points = points.unwrap();
+        // the error of a method of order p without an estimate of its own falls as the tolerance to the power p/(p + 1): half for Euler's
+        let ratio = if m.info().embedded.is_some() { 1e-2 } else { 0.1 };
+        assert!(points[1].errors.orientation < ratio * points[0].errors.orientation, "{points:?}");
+        assert!(points[1].steps > points[0].steps && points[1].evaluations > points[1].steps);
     }
 }
 

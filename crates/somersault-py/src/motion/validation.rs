@@ -124,6 +124,9 @@ value! {
     }
 }
 
+/// Pickled predictions, distances, components and penalties, and the error.
+type Predicted<'py> = (Bound<'py, PyAny>, Bound<'py, PyAny>, (Vec<usize>, Vec<f64>), f64);
+
 /// The penalty of each model, where they have one.
 fn penalties_of(validation: &scoring::Validation) -> Vec<f64> {
     validation.tunings.iter().copied().filter_map(penalty).collect()
@@ -142,7 +145,7 @@ impl Validation {
     #[classmethod]
     fn _restore(
         _: &Bound<'_, PyType>,
-        predicted: (Bound<'_, PyAny>, Bound<'_, PyAny>, (Vec<usize>, Vec<f64>), f64),
+        predicted: Predicted<'_>,
         pearson: &Bound<'_, Correlation>,
         spearman: &Bound<'_, Correlation>,
         baselines: Vec<Bound<'_, Baseline>>,
@@ -151,7 +154,7 @@ impl Validation {
         let (predictions, distances, (n_components, penalties), rms_error) = predicted;
         let predictions = real_numbers("predictions", &predictions)?;
         same_length("n_components and penalties", n_components.len() + penalties.len(), predictions.len())?;
-        if !baselines.first().is_some_and(|baseline| baseline.get().name() == "mean") {
+        if baselines.first().is_none_or(|baseline| baseline.get().name() != "mean") {
             return Err(Error::input("`baselines` must begin with that of the mean"));
         }
         let components = n_components.into_iter().map(Tuning::Components);
