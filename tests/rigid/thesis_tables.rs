@@ -518,7 +518,8 @@ fn work_precision_adapts_where_a_method_can() {
         let points = points.unwrap();
         // the error of a method of order p without an estimate of its own falls as the tolerance to the power p/(p + 1): half for Euler's
         let ratio = if m.info().embedded.is_some() { 1e-2 } else { 0.1 };
-        assert!(points[1].errors.orientation < ratio * points[0].errors.orientation, "{points:?}");
+        // splittings are exact for this plate, up to rounding
+        assert!(points[1].errors.orientation < ratio * points[0].errors.orientation + 1e-13, "{points:?}");
         assert!(points[1].steps > points[0].steps && points[1].evaluations > points[1].steps);
     }
 }
