@@ -115,8 +115,16 @@ else:
     assert done.returncode == 0, done.stderr
 
 
-def test_importing_it_takes_little_beyond_numpy() -> None:
-    program = "import time, numpy; t = time.process_time(); import somersault; print(time.process_time() - t)"
+def test_importing_it_takes_less_than_numpy() -> None:
+    # a ratio, since machines differ
+    program = """
+from time import process_time
+start = process_time()
+import numpy
+between = process_time()
+import somersault
+print((process_time() - between) / (between - start))
+"""
     command = [sys.executable, "-c", program]
-    taken = [float(subprocess.run(command, capture_output=True, check=True).stdout) for _ in range(3)]
-    assert min(taken) < 0.15
+    ratios = [float(subprocess.run(command, capture_output=True, check=True).stdout) for _ in range(3)]
+    assert min(ratios) < 0.8
