@@ -35,7 +35,7 @@ fn bits(x: &[f64]) -> Vec<u64> {
     x.iter().map(|x| x.to_bits()).collect()
 }
 
-/// Inverse and forward dynamics of each state alone; NaN where there is none.
+/// Inverse and forward dynamics of each state alone, NaN for a state that has no result.
 fn alone(model: &Model, states: &States, has_wrenches: bool) -> [Vec<f64>; 2] {
     let (n_q, n, n_f) = (model.n_positions(), model.n_velocities(), 6 * model.n_bodies());
     let mut data = Data::new(model);

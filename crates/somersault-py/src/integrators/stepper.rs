@@ -816,7 +816,7 @@ impl Stepper {
         Ok(progress.counts_before.nfev + progress.counts.nfev)
     }
 
-    /// tuple of ndarray, or None: The times of the events of each function in `events=` so far, s. None where no functions were given.
+    /// tuple of ndarray, or None: The times of the events of each function in `events=` so far, s. None without `events`.
     #[getter]
     fn t_events(&self, py: Python<'_>) -> Result<Option<Py<PyTuple>>, Error> {
         Ok(self.function_events(py)?.map(|(times, _)| times))

@@ -521,7 +521,7 @@ fn listed<'py>(py: Python<'py>, value: Option<&Bound<'py, PyAny>>) -> PyResult<B
 pub(crate) struct Solution {
     report: Report,
     log: Log,
-    /// None where no functions were given.
+    /// None without `events`.
     watched: Option<FunctionEvents>,
     /// None where it was read from a file that does not have them.
     given: Option<Given>,
@@ -623,12 +623,12 @@ value! {
         n_steps: u64 = |own| own.report.n_steps;
         /// int: Steps tried and rejected by the step size control.
         n_rejected: u64 = |own| own.report.n_rejected;
-        /// tuple of ndarray, or None: The times of the events of each function in `events=`, s. None where no functions were given.
+        /// tuple of ndarray, or None: The times of the events of each function in `events=`, s. None without `events`.
         t_events: Option<Py<PyTuple>> = |own, py| own.watched.as_ref().map(|found| found.times.clone_ref(py));
         /// tuple of Trajectory, or None: The states at these times, for each function.
         y_events: Option<Py<PyTuple>> = |own, py| own.watched.as_ref().map(|found| found.states.clone_ref(py));
         /// tuple of bool, or None: For each of these functions, whether no event can have been missed, by its attribute ``lipschitz``; False
-        /// where that is not given, or did not suffice. None where no functions were given.
+        /// where that is not given, or did not suffice. None without `events`.
         certified: PyResult<Option<Bound<'py, PyTuple>>> =
             |own, py| own.watched.as_ref().map(|found| certified(py, &found.certificates)).transpose();
         /// tuple, or None: For each of these functions start and end of the first step in which its bound did not suffice, s, or None.

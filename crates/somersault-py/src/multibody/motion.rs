@@ -163,7 +163,7 @@ pub(crate) struct TreeSolution {
     v: Py<PyAny>,
     report: Report,
     dense: Option<Py<TreeDenseOutput>>,
-    /// None where no functions were given.
+    /// None without `events`.
     watched: Option<FunctionEvents>,
     touches: Option<TreeTouches>,
 }
@@ -237,7 +237,7 @@ value! {
         n_rejected: u64 = |own| own.report.n_rejected;
         /// TreeDenseOutput or None: Configuration and velocity at any time, where dense output was requested.
         sol: Option<Py<TreeDenseOutput>> = |own, py| own.dense.as_ref().map(|dense| dense.clone_ref(py));
-        /// tuple of ndarray, or None: The times of the events of each function in `events=`, s. None where no functions were given.
+        /// tuple of ndarray, or None: The times of the events of each function in `events=`, s. None without `events`.
         t_events: Option<Py<PyTuple>> = |own, py| own.event_arrays(py, 0);
         /// tuple of ndarray, or None: The configurations at these times, for each function.
         q_events: Option<Py<PyTuple>> = |own, py| own.event_arrays(py, 1);
