@@ -106,7 +106,13 @@ class Page:
     def table(
         self, header: Sequence[str | Cell], rows: Iterable[Sequence[str | Cell]], caption: str = ""
     ) -> None:
-        """A table; the caption is HTML."""
+        """A table; the caption is HTML.
+
+        Raises
+        ------
+        ValueError
+            A row has more or fewer entries than the header.
+        """
 
         def entry(tag: str, value: str | Cell) -> str:
             cell = value if isinstance(value, Cell) else Cell(value)
@@ -117,7 +123,11 @@ class Page:
             return f"<{tag}{attribute}>{escape(cell.text)}</{tag}>"
 
         head = "".join(entry("th", value) for value in header)
-        body = "".join("<tr>" + "".join(entry("td", value) for value in row) + "</tr>\n" for row in rows)
+        entries = [[entry("td", value) for value in row] for row in rows]
+        for index, row in enumerate(entries):
+            if len(row) != len(header):
+                raise ValueError(f"row {index} has {len(row)} entries, the header {len(header)}")
+        body = "".join("<tr>" + "".join(row) + "</tr>\n" for row in entries)
         self._pieces.append(
             "<div"
             f' class="scroll"><table><thead><tr>{head}</tr></thead>\n<tbody>\n{body}</tbody></table></div>'

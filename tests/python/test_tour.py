@@ -182,6 +182,14 @@ def test_problems_of_the_literature_come_out_to_the_digits_known(folder: Path) -
     assert "upper → singular → v at its bound → lower" in page.cells
 
 
+def test_a_row_of_a_table_has_as_many_entries_as_its_header(tmp_path: Path) -> None:
+    made = page.Page("made", "Made", tmp_path)
+    made.table(("method", "order"), [("rk4", "4")])
+    for row in (("rk4",), ("rk4", "4", "2")):
+        with pytest.raises(ValueError, match=rf"row 1 has {len(row)} entries, the header 2"):
+            made.table(("method", "order"), [("euler", "1"), row])
+
+
 def test_printed_tables_are_whole() -> None:
     assert set(thesis.ENERGY_RATIOS) == set(thesis.BEHAVIOUR) == set(thesis.METHODS) - {"aso"}
     for largest, smallest in thesis.ENERGY_RATIOS.values():

@@ -24,11 +24,11 @@ def write(page: Page, measurements: Measurements) -> None:
         " are marked and explained."
     )
     page.text(
-        f"{side * side:,} prisms of 1 × l_y × l_z with l_y and l_z from {1 / side:g} to 1 spin freely from ω₀"
-        " = (1, 1, 1)/√3 rad/s, in steps as large as 1 s. The exact motion keeps its energy; the table shows"
-        " the largest and the smallest of T<sub>n</sub>/T₀ over all prisms after n steps. World-frame"
-        " angular velocity, as in the thesis' appendix E; multistep methods start by their own family with"
-        " as many steps as there are.",
+        f"{side * side:,} prisms of 1 × l<sub>y</sub> × l<sub>z</sub>, with l<sub>y</sub> and l<sub>z</sub>"
+        f" from {1 / side:g} to 1, spin freely from ω₀ = (1, 1, 1)/√3 rad/s, in steps as large as 1 s. The"
+        " exact motion keeps its energy; the table shows the largest and the smallest of T<sub>n</sub>/T₀"
+        " over all prisms after n steps. World-frame angular velocity, as in the thesis' appendix E;"
+        " multistep methods start by their own family with as many steps as there are.",
     )
     page.section("Table 6.2")
     page.table(
@@ -90,10 +90,10 @@ def _bound(page: Page, measurements: Measurements) -> None:
     """Thesis 6.2.1: methods that conserve the angular momentum, and the bound (6.4)."""
     page.section("Angular momentum, and the bound (6.4)")
     page.text(
-        "A method that conserves the angular momentum cannot let the energy above ‖L‖²/(2 I_min), thesis"
-        " (6.4), with the smallest principal moment. That bounds the motion at any step; it does not make it"
-        " right. The damped semi-implicit Euler method <code>sieg</code>, which takes the gyroscopic term"
-        " implicitly as physics engines do, loses energy instead.",
+        "A method that conserves the angular momentum cannot let the energy above ‖L‖²/(2 I<sub>min</sub>),"
+        " thesis (6.4), with the smallest principal moment. That bounds the motion at any step; it does not"
+        " make it right. The damped semi-implicit Euler method <code>sieg</code>, which takes the gyroscopic"
+        " term implicitly as physics engines do, loses energy instead.",
     )
     keeping = [info.name for info in measurements.methods if info.variables == "momentum"]
     shown = ["sie", "sieg", "sv", "aso", *keeping]

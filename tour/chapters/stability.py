@@ -19,11 +19,12 @@ def write(page: Page, measurements: Measurements) -> None:
         f"Table 6.1 of the thesis: {agreeing} of {len(compared)} printed areas reproduce to the last digit."
     )
     page.text(
-        "The test equation is ÿ = 2λ_R ẏ − (λ_R² + λ_I²) y, thesis (6.1), with the roots λ_R ± iλ_I. A method"
-        " is stable where every solution of its recurrence with Δt = 1 stays bounded. The library finds the"
-        " recurrence by running the method itself, not from a formula written beside it, and measures the"
-        " area of the whole region, both half planes. Divided by the square of the evaluations of a step it"
-        " is the <em>corrected</em> area: the region in units of one evaluation.",
+        "The test equation is ÿ = 2λ<sub>R</sub> ẏ − (λ<sub>R</sub>² + λ<sub>I</sub>²) y, thesis (6.1), with"
+        " the roots λ<sub>R</sub> ± iλ<sub>I</sub>. A method is stable where every solution of its recurrence"
+        " with Δt = 1 stays bounded. The library finds the recurrence by running the method itself, not"
+        " from a formula written beside it, and measures the area of the whole region, both half planes."
+        " Divided by the square of the evaluations of a step it is the <em>corrected</em> area: the region"
+        " in units of one evaluation.",
     )
     page.section("Table 6.1")
     page.table(
