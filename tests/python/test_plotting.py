@@ -10,6 +10,7 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from matplotlib.axes import Axes
 
 import somersault
 from somersault import multibody, ocp, plotting, studies
@@ -55,6 +56,35 @@ def test_arcs_of_an_optimal_motion_are_shaded_and_its_junctions_marked() -> None
         plotting.control_history(problem.polish(found), plain)
     with pytest.raises(TypeError, match="`result` must be a CollocationResult or a PolishResult, found int"):
         plotting.control_history(cast("Any", 3))
+
+
+@pytest.mark.parametrize("bounded", [False, True])
+def test_a_switching_function_fills_its_panel_unless_it_is_rounding(bounded: bool) -> None:
+    problem = ocp.ControlProblem(
+        lambda x, u: [x.v, u.force],
+        states=("x", "v"),
+        controls=("force",),
+        initial=[0, 0],
+        final=[1, 0],
+        bounds={"force": (-5, 5)} if bounded else {},
+        running_cost=lambda x, u: 0.5 * u.force**2,
+    )
+    *_, costates, switching = plotting.control_history(problem.polish(problem.solve()))
+
+    def range_of(ax: Axes, names: tuple[str, ...]) -> tuple[float, float]:
+        values = np.concatenate([line.get_ydata() for line in ax.lines if line.get_label() in names])
+        return float(np.nanmin(values)), float(np.nanmax(values))
+
+    least, most = range_of(switching, ("force",))
+    low, high = switching.get_ylim()
+    if bounded:
+        assert low < least < 0.0 < most < high
+        assert most - least > 0.8 * (high - low)
+    else:
+        # ∂H/∂u is zero where no bound acts
+        largest = max(map(abs, range_of(costates, ("x", "v"))))
+        assert max(-least, most) < 1e-9 * largest
+        assert (low, high) == pytest.approx((-largest, largest), rel=1e-9)
 
 
 def test_no_two_methods_look_alike() -> None:
