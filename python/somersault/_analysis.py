@@ -15,6 +15,7 @@ from somersault._somersault import multibody, ocp
 from somersault._somersault.motion import (
     FlightAdvice,
     FlightReport,
+    KeypointRecording,
     MarkerRecording,
     MarkerSet,
     ReconstructedFlight,
@@ -312,10 +313,17 @@ def analyse(
     )
 
 
-def markers_of(found: Any, name: str) -> MarkerRecording:
-    """The markers of whatever a file has: of a skeleton its joint centres."""
+def markers_of(found: Any, name: str, keypoints: dict[str, Any] | None = None) -> MarkerRecording:
+    """The markers of whatever a file has: of a skeleton its joint centres, of key points those at a scale."""
     if hasattr(found, "joint_centres"):
         found = found.joint_centres()
+    if isinstance(found, KeypointRecording):
+        if keypoints is None:
+            raise InputError(
+                f"{name}: key points have no unit: `recording.markers(scale=...)` makes markers of them, in"
+                " the diver of `somersault analyse` the table `[keypoints]` with their `scale`"
+            )
+        found = found.markers(**keypoints)
     if not isinstance(found, MarkerRecording):
         raise InputError(f"{name}: a recording of markers or of a skeleton is needed, found {found!r}")
     return found

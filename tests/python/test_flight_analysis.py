@@ -334,6 +334,27 @@ def test_a_file_becomes_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert main(["analyse", str(tmp_path / "none.trc"), "--diver", str(diver)]) == 2
 
 
+def test_key_points_of_one_camera_become_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    markers = motion.MarkerSet.on_diver(DIVER, "body_25")
+    rate = spin("H", 3)
+    run = flown(folding(folded("H"), OPENS + 0.06), rate)
+    places = motion.place_markers(markers, run.t, run.q).points
+    pixels = np.stack([900 + 250 * places[..., 0], 1900 - 250 * places[..., 2]], axis=2)
+    pixels += np.random.default_rng(2).normal(0.0, 2.5, pixels.shape)
+    points = np.concatenate([pixels, np.full((*pixels.shape[:2], 1), 2.0)], axis=2)
+    annotations = [{"image_id": k, "keypoints": frame.ravel().tolist()} for k, frame in enumerate(points)]
+    file, diver, page = tmp_path / "dive.json", tmp_path / "me.toml", tmp_path / "dive.html"
+    categories = [{"name": "person", "keypoints": list(markers.names)}]
+    file.write_text(json.dumps({"annotations": annotations, "categories": categories}))
+    document = DOCUMENT.replace("[flight]", 'protocol = "body_25"\n[read]\nrate = 50.0\n[flight]')
+    diver.write_text(document)
+    assert main(["analyse", str(file), "--diver", str(diver), "--out", str(page)]) == 2
+    assert "the table `[keypoints]` with their `scale`" in capsys.readouterr().err
+    diver.write_text(document + "[keypoints]\nscale = 0.004\n")
+    assert main(["analyse", str(file), "--diver", str(diver), "--out", str(page)]) == 0
+    assert "Open earlier by" in capsys.readouterr().out
+
+
 def test_a_folder_becomes_a_table_and_is_resumed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder, out, diver = tmp_path / "dives", tmp_path / "pages", tmp_path / "me.toml"
     folder.mkdir()

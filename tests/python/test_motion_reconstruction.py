@@ -142,6 +142,45 @@ def test_markers_elsewhere_on_their_bodies_are_named_with_their_places() -> None
     assert all(deviation.shape == (3,) for deviation in found.marker_offset_deviations.values())
 
 
+def test_markers_are_moved_to_where_the_recording_shows_them() -> None:
+    offset = np.array([0.0, -0.06, 0.0])
+    true_markers = MARKERS.moved({"shank": offset})
+    wrong = motion.place_markers(true_markers, true().t, true().q)
+    points = wrong.points + np.random.default_rng(5).normal(0.0, 0.02, wrong.points.shape)
+    recording = motion.MarkerRecording(wrong.names, wrong.times, points)
+    found = motion.reconstruct_flight(MARKERS, recording, scale=1.0)
+    assert not found.success and found.departures["places"] > found.departure_limits["places"]
+    again = motion.reconstruct_flight(MARKERS.moved(found.marker_offsets), recording, scale=1.0)
+    assert again.success
+    with pytest.raises(ValueError, match="`offsets` names no marker `chin`"):
+        MARKERS.moved({"chin": offset})
+
+
+@pytest.mark.parametrize("facing", [1.0, -1.0])
+def test_one_camera_sees_a_planar_flight_and_its_own_scale_by_gravity(facing: float) -> None:
+    markers = motion.MarkerSet.on_diver(DIVER, "halpe_26")
+    places = motion.place_markers(markers, true().t, true().q).points
+    # 240 pixels a metre, y down, noise of 5 pixels, a few points not found
+    rng = np.random.default_rng(6)
+    pixels = np.stack([960 + 240 * facing * places[..., 0], 1700 - 240 * places[..., 2]], axis=2)
+    pixels += rng.normal(0.0, 5.0, pixels.shape)
+    camera = motion.KeypointRecording(
+        list(markers.names), true().t, pixels, np.where(rng.random(places.shape[:2]) > 0.05, 0.9, 0.0)
+    )
+    assumed, forward = 0.005, "x" if facing > 0 else "-x"
+    guess = motion.reconstruct_flight(
+        markers, camera.markers(scale=assumed, forward=forward), seek_gravity=True, scale=(1.0, 0.3)
+    )
+    assert guess.success
+    scale = assumed / guess.gravity
+    assert scale == pytest.approx(1 / 240, rel=4 * guess.gravity_deviation / guess.gravity)
+    assert scale == pytest.approx(1 / 240, rel=0.02)
+    found = motion.reconstruct_flight(markers, camera.markers(scale=scale, forward=forward))
+    assert found.success and np.isnan(found.departures["plane"])
+    momentum = DIVER.model.centroidal_momentum(true().q[0], true().v[0])[4]
+    assert momentum == pytest.approx(found.angular_momentum[1], rel=0.02)
+
+
 def test_a_planar_body_that_leaves_its_plane_is_refused_with_a_reason() -> None:
     # a tilt that grows to 17°
     points = seen().points.copy()

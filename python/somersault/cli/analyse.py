@@ -19,7 +19,9 @@ from somersault.cli.documents import Document, read
 from somersault.errors import InputError, ReadWarning, SomersaultError
 
 if TYPE_CHECKING:
-    from somersault import motion
+    from numpy.typing import ArrayLike
+
+    from somersault import motion, multibody
 
 _ENDINGS = (".trc", ".c3d", ".csv", ".tsv", ".bvh", ".json")
 #: Columns of the table of a folder: of values that have intervals also half of these.
@@ -65,15 +67,9 @@ def _analyser(document: Document) -> Callable[[Path], motion.FlightAnalysis]:
     sizes = {name: values[name] for name in ("mass", "height") if name in values}
     make = multibody.diver_planar if values.get("model") == "planar" else multibody.diver_spatial
     with document.at():
-        model = make(**sizes).model
+        diver = make(**sizes)
     with document.at("markers"):
-        if "markers" in values:
-            places: dict[str, Any] = {
-                name: (body, tuple(point)) for name, (body, point) in values["markers"].items()
-            }
-            markers = motion.MarkerSet(model, places)
-        else:
-            markers = motion.MarkerSet.joint_centres(model)
+        markers = _markers(diver, values)
     options = dict(values.get("flight", {}))
     for name in ("interval", "scale", "noise"):
         if isinstance(options.get(name), list):
@@ -87,10 +83,23 @@ def _analyser(document: Document) -> Callable[[Path], motion.FlightAnalysis]:
             read_ = motion.read_file(file, **values.get("read", {}))
         for repair in read_.repairs:
             print(f"{file}: {repair}", file=sys.stderr)
-        recording = markers_of(read_, str(file))
+        recording = markers_of(read_, str(file), values.get("keypoints"))
         return motion.analyse(recording, markers, name=file.stem, **options)
 
     return work
+
+
+def _markers(diver: multibody.Diver, values: dict[str, Any]) -> motion.MarkerSet:
+    """The markers of a document: of its protocol, and those that it names itself."""
+    from somersault import motion
+
+    places: dict[str, tuple[str | int, ArrayLike]] = {}
+    if "protocol" in values:
+        known = motion.MarkerSet.on_diver(diver, values["protocol"])
+        places.update(zip(known.names, zip(known.bodies, known.points, strict=True), strict=True))
+    for name, (body, point) in values.get("markers", {}).items():
+        places[name] = (body, tuple(point))
+    return motion.MarkerSet(diver.model, places) if places else motion.MarkerSet.joint_centres(diver.model)
 
 
 def _folder(arguments: argparse.Namespace, work: Callable[[Path], motion.FlightAnalysis]) -> int:

@@ -75,6 +75,22 @@ impl MarkerSet {
         Self::try_new(model, model.links().iter().enumerate().map(marker).collect())
     }
 
+    /// The same with some markers moved on their bodies, by their names, m: by
+    /// [`marker_offsets`](crate::reconstruction::ReconstructedFlight::marker_offsets) to where a recording shows them.
+    pub fn moved<'a>(
+        &self,
+        offsets: impl IntoIterator<Item = (&'a str, Vector3<f64>)>,
+    ) -> Result<Self, FitError> {
+        let mut moved = self.clone();
+        for (name, offset) in offsets {
+            let found = moved.markers.iter_mut().find(|marker| marker.name == name);
+            let marker = found.ok_or_else(|| FitError::NoSuchMarker { name: name.to_owned() })?;
+            expect_squarable("offset", &offset)?;
+            marker.point += offset;
+        }
+        Ok(moved)
+    }
+
     /// The markers.
     pub fn markers(&self) -> &[Marker] {
         &self.markers

@@ -31,6 +31,7 @@ mod minima;
 mod motion;
 mod options;
 mod problem;
+mod protocols;
 pub mod quadratic;
 mod starts;
 
@@ -40,9 +41,10 @@ pub use markers::{Marker, MarkerSet};
 pub use motion::MotionFit;
 pub use options::{FitOptions, Loss, Scale, Shape};
 pub use problem::MarkerFit;
+pub use protocols::MarkerProtocol;
 
 use somersault_core::argument::{ArgumentError, expect_positive, expect_squarable};
-use somersault_multibody::DynamicsError;
+use somersault_multibody::{DynamicsError, ModelError};
 
 /// Why a model cannot be fitted.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -68,6 +70,21 @@ pub enum FitError {
     /// Two markers of one name.
     #[error("a marker named `{name}` was given before")]
     DuplicateMarker {
+        /// The name.
+        name: String,
+    },
+    /// The diver on which markers are to be has no model.
+    #[error(transparent)]
+    Diver(#[from] ModelError),
+    /// There is no protocol of that name.
+    #[error("`protocol` must be one of {}, found `{name}`", MarkerProtocol::ALL.map(|(_, name)| name).join(", "))]
+    UnknownProtocol {
+        /// What was given.
+        name: String,
+    },
+    /// An offset is of no marker.
+    #[error("`offsets` names no marker `{name}`")]
+    NoSuchMarker {
         /// The name.
         name: String,
     },

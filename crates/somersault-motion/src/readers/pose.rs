@@ -186,7 +186,7 @@ const MEDIAPIPE: [&str; 33] = [
 ];
 
 /// Names of so many points, in the order of the model that has that many.
-fn names_of(n: usize) -> Option<&'static [&'static str]> {
+pub(crate) fn names_of(n: usize) -> Option<&'static [&'static str]> {
     Some(match n {
         17 => &COCO,
         18 => &OPENPOSE_COCO,

@@ -431,6 +431,7 @@ impl From<FitError> for Error {
     fn from(error: FitError) -> Self {
         match error {
             FitError::Model(error) => error.into(),
+            FitError::Diver(error) => error.into(),
             error => Self::own(Class::Input, &error),
         }
     }

@@ -5,6 +5,7 @@ use crate::core::convert::{a_type, array, entries_or_none, real_numbers, vector}
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_class, by_restore};
 use crate::multibody::model::{Model, Which};
+use crate::multibody::models::Diver;
 use crate::ocp::joint_motion::EigenpostureBase;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
@@ -90,6 +91,86 @@ impl MarkerSet {
     fn joint_centres(_: &Bound<'_, PyType>, model: &Bound<'_, Model>) -> Result<Self, Error> {
         let markers = fit::MarkerSet::joint_centres(&model.get().model)?;
         Ok(Self { model: model.clone().unbind(), markers })
+    }
+
+    /// The markers of a protocol on a diver, by the names that programs write.
+    ///
+    /// Joint centres are those of the diver; markers on the skin, the head and the feet are at places of an average body, which may be
+    /// elsewhere on a person by some 20 mm: `ReconstructedFlight.marker_offsets` says by how much, and `moved` puts them there.
+    ///
+    /// | Protocol | Names | Written by |
+    /// |---|---|---|
+    /// | ``"coco"`` | ``nose``, ``left_shoulder``, … (17) | AlphaPose, MMPose and others |
+    /// | ``"body_25"`` | the same with ``neck``, ``mid_hip``, toes and heels | OpenPose |
+    /// | ``"halpe_26"`` | the same with ``head`` | AlphaPose, RTMPose |
+    /// | ``"mediapipe"`` | ``nose``, ``left_foot_index``, … (33) | MediaPipe |
+    /// | ``"smpl"`` | ``pelvis``, ``left_hip``, …; none of the spine and collar bones | SMPL, AMASS |
+    /// | ``"opencap"`` | ``Neck``, ``RShoulder``, …, ``r_knee_study``, … | OpenCap, Pose2Sim |
+    /// | ``"plug_in_gait"`` | ``LFHD``, ``C7``, ``RASI``, …; none of ``THI``, ``TIB``, ``UPA``, ``FRM``, whose places are free | Vicon Nexus |
+    ///
+    /// Parameters
+    /// ----------
+    /// diver : Diver
+    ///     The planar or the spatial diver. The planar one has all in its plane, right and left at the same place.
+    /// protocol : str
+    ///
+    /// Returns
+    /// -------
+    /// MarkerSet
+    ///
+    /// Raises
+    /// ------
+    /// InputError
+    ///     If there is no such protocol.
+    ///
+    /// Notes
+    /// -----
+    /// Joint centres after P. de Leva, J. Biomech. 29 (1996) 1223; the spines of the pelvis by M. E. Harrington et al., J. Biomech. 40 (2007)
+    /// 595; the face after C. C. Gordon et al., *1988 Anthropometric Survey of U.S. Army Personnel*.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import motion, multibody
+    /// >>> markers = motion.MarkerSet.on_diver(multibody.diver_spatial(height=1.65), "coco")
+    /// >>> len(markers), markers.names[:3], markers.bodies[:3]
+    /// (17, ('nose', 'right_shoulder', 'left_shoulder'), ('head', 'right_upper_arm', 'left_upper_arm'))
+    #[classmethod]
+    fn on_diver(_: &Bound<'_, PyType>, diver: &Bound<'_, Diver>, protocol: &str) -> Result<Self, Error> {
+        let markers = fit::MarkerSet::on_diver(&diver.get().diver, protocol.parse()?)?;
+        Ok(Self { model: diver.get().model.clone_ref(diver.py()), markers })
+    }
+
+    /// The same markers at other places on their bodies.
+    ///
+    /// Parameters
+    /// ----------
+    /// offsets : dict of str to array_like, shape (3,)
+    ///     For some of the markers what is added to the place, m, in axes of the body: `ReconstructedFlight.marker_offsets`, for example.
+    ///
+    /// Returns
+    /// -------
+    /// MarkerSet
+    ///
+    /// Raises
+    /// ------
+    /// InputError
+    ///     If there is no such marker, or a number is not finite.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import motion, multibody
+    /// >>> markers = motion.MarkerSet.joint_centres(multibody.two_link_arm())
+    /// >>> markers.moved({"lower": (0.01, 0.0, 0.0)}).points[1]
+    /// array([0.01, 0.  , 0.  ])
+    fn moved(&self, py: Python<'_>, offsets: &Bound<'_, PyDict>) -> Result<Self, Error> {
+        let mut found = Vec::with_capacity(offsets.len());
+        for (name, offset) in offsets.iter() {
+            let name = name_of("offsets", &name)?;
+            let offset = vector(&format!("offsets['{name}']"), &offset)?;
+            found.push((name, offset));
+        }
+        let markers = self.markers.moved(found.iter().map(|(name, offset)| (name.as_str(), *offset)))?;
+        Ok(Self { model: self.model.clone_ref(py), markers })
     }
 
     /// Model: The model they are on.

@@ -17,7 +17,7 @@ use somersault::multibody::models::{self, CartPendulum, Dimension, Posture, TwoL
 #[pyclass(frozen, module = "somersault.multibody")]
 pub(crate) struct Diver {
     pub(crate) diver: models::Diver,
-    model: Py<Model>,
+    pub(crate) model: Py<Model>,
 }
 
 impl Diver {
