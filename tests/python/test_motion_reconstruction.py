@@ -181,6 +181,43 @@ def test_one_camera_sees_a_planar_flight_and_its_own_scale_by_gravity(facing: fl
     assert momentum == pytest.approx(found.angular_momentum[1], rel=0.02)
 
 
+@pytest.mark.parametrize(
+    ("fault", "status"),
+    [
+        ("tilted", "misfit"),
+        ("14°", "converged"),
+        pytest.param("pans", "misfit", marks=pytest.mark.study),
+        pytest.param("26°", "misfit", marks=pytest.mark.study),
+    ],
+)
+def test_what_a_camera_that_does_not_look_at_the_plane_makes(fault: str, status: str) -> None:
+    markers = motion.MarkerSet.on_diver(DIVER, "halpe_26")
+
+    def fold(t: float) -> tuple[Any, Any]:
+        return OPEN[3:] + np.sin(2 * t) ** 2 * (PIKE - OPEN)[3:], 2 * np.sin(4 * t) * (PIKE - OPEN)[3:]
+
+    v = np.zeros(12)
+    v[:3] = 1.0, 4.0, -4.0
+    run = multibody.fly(DIVER.model, OPEN, v, fold, (0.0, 1.2), dt=0.02)
+    points = motion.place_markers(markers, run.t, run.q).points
+    x, z = points[..., 0], points[..., 2]
+    if fault == "tilted":
+        c, s = np.cos(np.radians(5.0)), np.sin(np.radians(5.0))
+        x, z = c * x - s * z, s * x + c * z
+    elif fault == "pans":
+        x = x + 0.25 * np.sin(3 * run.t)[:, None]
+    else:
+        x = x * np.cos(np.radians(float(fault[:-1])))
+    seen_points = np.stack([x, points[..., 1], z], axis=2)
+    noise = np.random.default_rng(3).normal(0.0, 0.02, seen_points.shape) * (1.0, 0.0, 1.0)
+    recording = motion.MarkerRecording(markers.names, run.t, seen_points + noise)
+    found = motion.reconstruct_flight(markers, recording)
+    assert found.status == status
+    if found.success:
+        momentum = DIVER.model.centroidal_momentum(run.q[0], run.v[0])[4]
+        assert found.angular_momentum[1] == pytest.approx(0.97 * momentum, rel=0.01)
+
+
 def test_a_planar_body_that_leaves_its_plane_is_refused_with_a_reason() -> None:
     # a tilt that grows to 17°
     points = seen().points.copy()
