@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 from arm import THESIS, Case, transcribed
-from measure import clock, interleaved, program, table
+from measure import clock, coarsest, geometric, interleaved, program, table
 from numba import njit
 from numpy.typing import NDArray
 from scipy.integrate import DOP853, solve_ivp
@@ -27,6 +27,8 @@ TOLERANCE = 1e-9
 POINTS = 100
 REPEATS = 50
 """Times that either goes over the cloud in one call: starting this library's program should not count."""
+FIXED_STEPS = geometric(64, 2048, 32)
+"""From which the fewest are chosen that are as accurate."""
 COLD_RUNS = 20
 INTERVALS = (60, 120)
 """Of the collocation: two meshes that must agree."""
@@ -38,7 +40,7 @@ CONFIRMED = 1e-5
 # ----------------------------------------------------------------------------------- transition matrices
 
 
-@njit(fastmath=True)
+@njit(fastmath=True, error_model="numpy")
 def _linearize(p: Array, h: Array, d: Array, arm: Array) -> None:
     """Field and Jacobian of the state-costate system, thesis 8.3; `arm` is (a, b, d, c₁, c₂, γ₁, γ₂)."""
     sine, cosine = np.sin(p[1]) * arm[1], np.cos(p[1]) * arm[1]
@@ -87,7 +89,7 @@ def _linearize(p: Array, h: Array, d: Array, arm: Array) -> None:
     d[6, 3] = d[7, 2] = d[7, 3] = -2.0 * sine * u1
 
 
-@njit(fastmath=True)
+@njit(fastmath=True, error_model="numpy")
 def _slope(y: Array, out: Array, d: Array, arm: Array) -> None:
     """State and matrix by rows: y = (p, Φ₁₁, Φ₁₂, …)."""
     _linearize(y[:8], out[:8], d, arm)
@@ -101,7 +103,7 @@ def _slope(y: Array, out: Array, d: Array, arm: Array) -> None:
                     row[j] += entry * y[8 + 8 * k + j]
 
 
-@njit(fastmath=True)
+@njit(fastmath=True, error_model="numpy")
 def _transition(
     point: Array,
     duration: float,
@@ -167,6 +169,36 @@ def _transition(
     return y
 
 
+@njit(fastmath=True, error_model="numpy")
+def _transition_fixed(point: Array, duration: float, steps: int, arm: Array, a: Array, b: Array) -> Array:
+    """As many equal steps of DOP853, without an estimate of the error."""
+    stages = len(b)
+    y = np.zeros(72)
+    y[:8] = point
+    for i in range(8):
+        y[8 + 9 * i] = 1.0
+    k = np.zeros((stages, 72))
+    d = np.zeros((8, 8))
+    stage = np.zeros(72)
+    h = duration / steps
+    for _ in range(steps):
+        _slope(y, k[0], d, arm)
+        for s in range(1, stages):
+            stage[:] = y
+            for j in range(s):
+                if a[s, j] != 0.0:
+                    by = h * a[s, j]
+                    for i in range(72):
+                        stage[i] += by * k[j, i]
+            _slope(stage, k[s], d, arm)
+        for j in range(stages):
+            if b[j] != 0.0:
+                by = h * b[j]
+                for i in range(72):
+                    y[i] += by * k[j, i]
+    return y
+
+
 def _arm(case: Case = THESIS) -> Array:
     (m1, m2), (l1, l2) = case.masses, case.lengths
     small = m2 * l2**2 / 3
@@ -178,6 +210,14 @@ def _transitions(points: Array, tolerance: float, repeats: int = 1) -> Array:
     rest = (arm, np.ascontiguousarray(DOP853.A[:stages, :stages]), DOP853.B, DOP853.E5, DOP853.E3)
     for _ in range(repeats):
         found = [_transition(point, AVERAGING, tolerance, *rest) for point in points]
+    return np.array([y[8:].reshape(8, 8) for y in found])
+
+
+def _transitions_fixed(points: Array, steps: float, repeats: int = 1) -> Array:
+    stages = DOP853.n_stages
+    rest = (_arm(), np.ascontiguousarray(DOP853.A[:stages, :stages]), DOP853.B)
+    for _ in range(repeats):
+        found = [_transition_fixed(point, AVERAGING, round(steps), *rest) for point in points]
     return np.array([y[8:].reshape(8, 8) for y in found])
 
 
@@ -202,6 +242,11 @@ def _clouds(repetitions: int) -> tuple[list[dict[str, object]], str]:
     for name, tolerance in (("numba", TOLERANCE), (f"numba at {alike:.1e}, as accurate", alike)):
         errors[name] = _worst_column(_transitions(points, tolerance), exact)
         runs[name] = partial(_transitions, points, tolerance, REPEATS)
+    tuned = coarsest(FIXED_STEPS, lambda n: _worst_column(_transitions_fixed(points, n), exact), error)
+    if tuned is not None:
+        steps, reached = tuned
+        name = f"numba, {round(steps)} fixed steps, as accurate"
+        errors[name], runs[name] = reached, partial(_transitions_fixed, points, steps, REPEATS)
     times = interleaved(runs, repetitions, clock)
     rates = {name: POINTS * REPEATS / seconds for name, seconds in times.items()}
     rows: list[dict[str, object]] = [

@@ -55,30 +55,33 @@ CASE_2 = Motion(
 )
 
 
-def taylor_system(moments: Array) -> list[tuple[heyoka.expression, heyoka.expression]]:
-    """Euler's equations and the kinematics of the quaternion as heyoka has them."""
+def taylor_system(
+    moments: Array, torque: Array | None = None
+) -> list[tuple[heyoka.expression, heyoka.expression]]:
+    """Euler's equations and the kinematics of the quaternion as heyoka has them; a torque is in body axes."""
     w, x, y, z, a, b, c = heyoka.make_vars("w", "x", "y", "z", "a", "b", "c")
     i, j, k = moments
+    push = (0.0, 0.0, 0.0) if torque is None else torque / moments
     return [
         (w, -0.5 * (x * a + y * b + z * c)),
         (x, 0.5 * (w * a + y * c - z * b)),
         (y, 0.5 * (w * b + z * a - x * c)),
         (z, 0.5 * (w * c + x * b - y * a)),
-        (a, (j - k) / i * b * c),
-        (b, (k - i) / j * c * a),
-        (c, (i - j) / k * a * b),
+        (a, (j - k) / i * b * c + push[0]),
+        (b, (k - i) / j * c * a + push[1]),
+        (c, (i - j) / k * a * b + push[2]),
     ]
 
 
 @cache
-def reference(motion: Motion) -> Array:
+def reference(motion: Motion, torque: tuple[float, float, float] | None = None) -> Array:
     """The state at the end, by a Taylor series in 80-bit arithmetic to its last digit.
 
     No library that is compared takes part in it in double precision, so that none is judged by itself.
     """
     wide = np.longdouble
     integrator = heyoka.taylor_adaptive(
-        taylor_system(motion.moments.astype(wide)),
+        taylor_system(motion.moments.astype(wide), None if torque is None else np.array(torque, dtype=wide)),
         motion.start.astype(wide),
         fp_type=wide,
     )

@@ -210,6 +210,18 @@ somersault.Trajectory(
 somersault.batch.integrate_batch(
     [body, body], [state, state], (0.0, 0.1), [0.01, 0.02], gravity=(0.0, 0.0, -9.81)
 )
+somersault.batch.integrate_arrays(
+    np.ones((2, 3)),
+    np.tile([0, 0, 0, 1.0], (2, 1)),
+    np.ones((2, 3)),
+    (0.0, 0.1),
+    [0.01, 0.02],
+    mass=[1.0, 2.0],
+    position=np.ones((2, 3)),
+    velocity=np.ones((2, 3)),
+    gravity=(0.0, 0.0, -9.81),
+    t_eval=[0.0, 0.05],
+)
 free = exact.FreeBody(body, state, 0.0)
 free([0.1, 0.2])
 free(1.0)

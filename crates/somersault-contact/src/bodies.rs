@@ -505,6 +505,9 @@ impl<F: ForceModel> System for BodiesInContact<F> {
     fn partials(&self, w: &mut Vec<Twist>, t: f64, x: &State<Vec<Pose>>, out: &mut Partials<Vec<Pose>>) {
         self.0.partials(w, t, x, out);
     }
+    fn depends_on_configuration(&self) -> bool {
+        self.0.depends_on_configuration()
+    }
     fn take_fault(&self) -> Option<Fault> {
         self.0.take_fault()
     }

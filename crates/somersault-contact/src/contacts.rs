@@ -473,6 +473,10 @@ impl<F: ForceModel> System for BodyInContact<F> {
     fn partials(&self, w: &mut (), t: f64, x: &RigidBodyState, out: &mut Partials<Pose>) {
         self.0.partials(w, t, x, out);
     }
+    #[inline(always)]
+    fn depends_on_configuration(&self) -> bool {
+        self.0.depends_on_configuration()
+    }
     fn take_fault(&self) -> Option<Fault> {
         self.0.take_fault()
     }

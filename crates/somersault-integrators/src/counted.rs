@@ -61,6 +61,10 @@ impl<S: RigidSystem> System for Counted<S> {
     fn partials(&self, w: &mut S::Workspace, t: f64, x: &StateOf<S>, out: &mut Partials<S::Configuration>) {
         out.by_differences(x, |x, acceleration| self.acceleration(w, t, x, acceleration));
     }
+    #[inline(always)]
+    fn depends_on_configuration(&self) -> bool {
+        self.inner.depends_on_configuration()
+    }
     fn take_fault(&self) -> Option<Fault> {
         self.inner.take_fault()
     }

@@ -123,6 +123,9 @@ impl<S: System<Forms = OneForm>> System for TimeReversed<S> {
     fn partials(&self, w: &mut S::Workspace, s: f64, x: &StateOf<S>, out: &mut Partials<S::Configuration>) {
         out.by_differences(x, |x, acceleration| self.acceleration(w, s, x, acceleration));
     }
+    fn depends_on_configuration(&self) -> bool {
+        self.0.depends_on_configuration()
+    }
     fn take_fault(&self) -> Option<Fault> {
         self.0.take_fault()
     }

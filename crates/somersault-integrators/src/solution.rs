@@ -72,6 +72,27 @@ impl<Q: Configuration> Solution<Q> {
     }
 }
 
+/// Errors unless times to record, at least one, are finite, within an interval from start to end, and each after the one before in its
+/// direction.
+pub fn check_times((start, end): (f64, f64), t_eval: &[f64]) -> Result<(), ArgumentError> {
+    let argument = "t_eval";
+    expect_least(argument, t_eval.len(), 1)?;
+    for &found in t_eval {
+        expect_finite(argument, [&found])?;
+        if !(start.min(end)..=start.max(end)).contains(&found) {
+            return Err(ArgumentError::OutOfRange { argument, allowed: "within `interval`", found });
+        }
+    }
+    let is_late = |pair: &&[f64]| (pair[1] - pair[0]) * (end - start) <= 0.0;
+    match t_eval.windows(2).find(is_late) {
+        Some(pair) => {
+            let allowed = "times that follow each other in the direction of the run";
+            Err(ArgumentError::OutOfRange { argument, allowed, found: pair[1] })
+        }
+        None => Ok(()),
+    }
+}
+
 /// Which states a recorder keeps.
 enum Kept<Q: Configuration> {
     /// Those after each so many steps, and the last.
@@ -96,26 +117,10 @@ impl<Q: Configuration> Recorder<Q> {
 
     /// A recorder of the states at times within an interval that starts from `state`: see [`Step::states_at`].
     ///
-    /// A run that ends early leaves those up to its end. Errors unless the times are finite, within the interval, and each
-    /// after the one before in the direction of the run.
-    pub fn at_times(
-        (start, end): (f64, f64),
-        state: &State<Q>,
-        t_eval: Vec<f64>,
-    ) -> Result<Self, ArgumentError> {
-        let argument = "t_eval";
-        expect_least(argument, t_eval.len(), 1)?;
-        for &found in &t_eval {
-            expect_finite(argument, [&found])?;
-            if !(start.min(end)..=start.max(end)).contains(&found) {
-                return Err(ArgumentError::OutOfRange { argument, allowed: "within `interval`", found });
-            }
-        }
-        let is_late = |pair: &&[f64]| (pair[1] - pair[0]) * (end - start) <= 0.0;
-        if let Some(pair) = t_eval.windows(2).find(is_late) {
-            let allowed = "times that follow each other in the direction of the run";
-            return Err(ArgumentError::OutOfRange { argument, allowed, found: pair[1] });
-        }
+    /// A run that ends early leaves those up to its end. Errors with [`check_times`].
+    pub fn at_times(interval: (f64, f64), state: &State<Q>, t_eval: Vec<f64>) -> Result<Self, ArgumentError> {
+        check_times(interval, &t_eval)?;
+        let (start, _) = interval;
         let passed = usize::from(t_eval[0] == start);
         let (times, states) =
             if passed == 1 { (vec![start], vec![state.clone()]) } else { Default::default() };

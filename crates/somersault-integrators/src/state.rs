@@ -77,10 +77,13 @@ pub trait Rate: Clone + std::fmt::Debug + Storage + Send + Sync + 'static {
     fn scale(&mut self, a: f64);
     /// self ← self + a x.
     fn axpy(&mut self, a: f64, x: &Self);
-    /// self ← self + Σ a x, in the order of the terms.
+    /// Adds Σ a x to the first of a pair and Σ a y to the second, for terms (a, \[x, y\]) and in their order.
     #[inline]
-    fn add_sum<'a>(&mut self, terms: impl Iterator<Item = (f64, &'a Self)>) {
-        terms.for_each(|(a, x)| self.axpy(a, x));
+    fn add_sums<'a>([first, second]: [&mut Self; 2], terms: impl Iterator<Item = (f64, [&'a Self; 2])>) {
+        terms.for_each(|(a, [x, y])| {
+            first.axpy(a, x);
+            second.axpy(a, y);
+        });
     }
     /// self ← self + a \[x, y\], with \[x, y\] = (0, x × y) for a left action and (0, −x × y) for a right one.
     fn add_bracket(&mut self, a: f64, x: &Self, y: &Self);
@@ -257,10 +260,31 @@ impl RigidBodyState {
     }
 }
 
+/// The larger of two lengths.
+#[inline(always)]
+fn larger(a: &Vector3<f64>, b: &Vector3<f64>) -> f64 {
+    a.norm_squared().max(b.norm_squared()).sqrt()
+}
+
 /// Whether all numbers are finite: 0 · x is 0 for them and NaN for the rest, without a branch each.
 #[inline(always)]
 fn finite<'a>(numbers: impl IntoIterator<Item = &'a f64>) -> bool {
     numbers.into_iter().fold(0.0, |sum, x| sum + 0.0 * x) == 0.0
+}
+
+impl Twist {
+    /// The linear part and the angular one.
+    #[inline(always)]
+    fn numbers(&self) -> [f64; 6] {
+        let (v, w) = (&self.linear, &self.angular);
+        [v.x, v.y, v.z, w.x, w.y, w.z]
+    }
+
+    #[inline(always)]
+    fn from_numbers(numbers: [f64; 6]) -> Self {
+        let [a, b, c, d, e, f] = numbers;
+        Self { linear: Vector3::new(a, b, c), angular: Vector3::new(d, e, f) }
+    }
 }
 
 impl Storage for Twist {
@@ -301,11 +325,17 @@ impl Rate for Twist {
         self.angular += x.angular * a;
     }
     #[inline(always)]
-    fn add_sum<'a>(&mut self, terms: impl Iterator<Item = (f64, &'a Self)>) {
-        // By value, so that the sum stays in registers.
-        let mut sum = *self;
-        terms.for_each(|(a, x)| sum.axpy(a, x));
-        *self = sum;
+    fn add_sums<'a>([first, second]: [&mut Self; 2], terms: impl Iterator<Item = (f64, [&'a Self; 2])>) {
+        // As arrays by value, so that the sums stay in registers, two numbers in each.
+        let (mut sum, mut other) = (first.numbers(), second.numbers());
+        terms.for_each(|(a, [x, y])| {
+            let (x, y) = (x.numbers(), y.numbers());
+            for i in 0..6 {
+                sum[i] += x[i] * a;
+                other[i] += y[i] * a;
+            }
+        });
+        (*first, *second) = (Self::from_numbers(sum), Self::from_numbers(other));
     }
     #[inline(always)]
     fn add_bracket(&mut self, a: f64, x: &Self, y: &Self) {
@@ -325,8 +355,8 @@ impl Rate for Twist {
     }
     #[inline(always)]
     fn weigh(&self, other: &Self, error: &Self, tolerances: &Tolerances, sum: &mut ErrorSum) {
-        sum.add(&error.linear, self.linear.norm().max(other.linear.norm()), tolerances);
-        sum.add(&error.angular, self.angular.norm().max(other.angular.norm()), tolerances);
+        sum.add(&error.linear, larger(&self.linear, &other.linear), tolerances);
+        sum.add(&error.angular, larger(&self.angular, &other.angular), tolerances);
     }
     #[inline(always)]
     fn weigh_all(&self, other: &Self, error: &Self, tolerances: &Tolerances, sum: &mut ErrorSum) {
@@ -364,7 +394,7 @@ impl Configuration for Pose {
     }
     #[inline(always)]
     fn weigh(&self, other: &Self, error: &Twist, tolerances: &Tolerances, sum: &mut ErrorSum) {
-        sum.add(&error.linear, self.position.norm().max(other.position.norm()), tolerances);
+        sum.add(&error.linear, larger(&self.position, &other.position), tolerances);
         sum.add(&error.angular, 1.0, tolerances);
     }
     #[inline(always)]
@@ -412,8 +442,8 @@ impl Rate for InBody<Twist> {
         self.0.axpy(a, &x.0);
     }
     #[inline(always)]
-    fn add_sum<'a>(&mut self, terms: impl Iterator<Item = (f64, &'a Self)>) {
-        self.0.add_sum(terms.map(|(a, x)| (a, &x.0)));
+    fn add_sums<'a>([first, second]: [&mut Self; 2], terms: impl Iterator<Item = (f64, [&'a Self; 2])>) {
+        Rate::add_sums([&mut first.0, &mut second.0], terms.map(|(a, [x, y])| (a, [&x.0, &y.0])));
     }
     #[inline(always)]
     fn add_bracket(&mut self, a: f64, x: &Self, y: &Self) {

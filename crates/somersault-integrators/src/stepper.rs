@@ -351,6 +351,7 @@ pub trait EmbeddedStepper<S: System>: Stepper<S> {
 }
 
 /// Root mean square of an error in configuration and rate, weighed by the tolerances.
+#[inline(always)]
 pub fn weighed_error<Q: Configuration>(
     x: &State<Q>,
     after: &State<Q>,

@@ -56,6 +56,11 @@ pub trait System {
     }
     /// Time derivative of the rate.
     fn acceleration(&self, w: &mut Self::Workspace, t: f64, x: &StateOf<Self>, out: &mut RateOf<Self>);
+    /// Whether velocity and acceleration may depend on the configuration. Where they do not, a method may leave that of its stages as
+    /// it was.
+    fn depends_on_configuration(&self) -> bool {
+        true
+    }
     /// The derivatives of the acceleration in a state, for the iterations of implicit methods, which converge the faster the
     /// closer they are; by differences unless the system says otherwise.
     fn partials(
@@ -90,6 +95,10 @@ impl<S: System + ?Sized> System for &S {
     #[inline(always)]
     fn acceleration(&self, w: &mut S::Workspace, t: f64, x: &StateOf<S>, out: &mut RateOf<S>) {
         (**self).acceleration(w, t, x, out);
+    }
+    #[inline(always)]
+    fn depends_on_configuration(&self) -> bool {
+        (**self).depends_on_configuration()
     }
     fn partials(&self, w: &mut S::Workspace, t: f64, x: &StateOf<S>, out: &mut Partials<S::Configuration>) {
         (**self).partials(w, t, x, out);
@@ -612,7 +621,8 @@ impl<S: RigidSystem> System for BodyForm<'_, S> {
     }
     #[inline(always)]
     fn acceleration(&self, world: &mut Self::Workspace, t: f64, x: &StateOf<Self>, out: &mut RateOf<Self>) {
-        if self.0.is_free() {
+        let is_free = self.0.is_free();
+        if is_free {
             out.set_zero();
         } else {
             self.0.body_wrenches(t, x, world, out);
@@ -622,8 +632,14 @@ impl<S: RigidSystem> System for BodyForm<'_, S> {
             let omega = BodyPoses::<S>::twist(&x.rate, i).angular;
             let wrench = BodyPoses::<S>::twist(out, i);
             let angular = euler(body, &omega, &wrench.angular);
-            BodyPoses::<S>::set_twist(out, i, Twist { linear: wrench.linear / body.mass(), angular });
+            let linear = if is_free { wrench.linear } else { wrench.linear / body.mass() };
+            BodyPoses::<S>::set_twist(out, i, Twist { linear, angular });
         }
+    }
+    /// Euler's equations of a free body have no orientation in them.
+    #[inline(always)]
+    fn depends_on_configuration(&self) -> bool {
+        !self.0.is_free()
     }
     fn take_fault(&self) -> Option<Fault> {
         self.0.take_fault()

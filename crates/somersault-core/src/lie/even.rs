@@ -65,7 +65,12 @@ fn cos_sinc_of_large<T: Scalar>(x: T) -> (T, T) {
     const COS: [f64; 10] = even_taylor(0);
     const SINC: [f64; 10] = even_taylor(1);
     if x < T::one() {
-        (horner(&COS, x), horner(&SINC, x))
+        let (x2, x4) = (x * x, (x * x) * (x * x));
+        let nonic = |c: &[f64; 10]| {
+            let pair = |k: usize| constant::<T>(c[k]) + constant::<T>(c[k + 1]) * x;
+            (pair(0) + x2 * pair(2)) + x4 * ((pair(4) + x2 * pair(6)) + x4 * pair(8))
+        };
+        (nonic(&COS), nonic(&SINC))
     } else {
         let angle = x.sqrt();
         let (sin, cos) = angle.sin_cos();

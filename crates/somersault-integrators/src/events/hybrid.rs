@@ -392,6 +392,10 @@ impl<H: Hybrid> System for Frozen<'_, H> {
     fn partials(&self, w: &mut H::Workspace, t: f64, x: &StateOf<H>, out: &mut Partials<H::Configuration>) {
         self.system.partials_in(&self.mode.borrow(), w, self.time(t), x, out);
     }
+    /// What the equations of a mode depend on is not known.
+    fn depends_on_configuration(&self) -> bool {
+        true
+    }
     fn take_fault(&self) -> Option<Fault> {
         self.system.take_fault()
     }
