@@ -6,7 +6,7 @@
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use somersault::core::lanes::InstructionSet;
 use somersault::multibody::flight::{Flight, FlightData, FlightSystem};
-use somersault::multibody::{Data, DerivativeData, LaneData, Split};
+use somersault::multibody::{Data, DerivativeData, LaneData, LaneDerivativeData, Split};
 use somersault::prelude::{Method, Run, TimeGrid};
 use somersault_testkit::trees::{Random, State, diver, geared_diver, humanoid, random_configuration};
 use std::hint::black_box;
@@ -89,9 +89,11 @@ fn many_states(c: &mut Criterion) {
     }
     let [v, input] = [(); 2].map(|()| random.numbers(COUNT * n, 2.0));
     let mut out = vec![0.0; COUNT * n];
+    let length = n + 3 * n * n;
+    let mut rows = vec![0.0; COUNT * length];
     let mut group = c.benchmark_group("1024 states of the diver");
     group.throughput(Throughput::Elements(COUNT as u64));
-    let mut data = Data::new(&model);
+    let (mut data, mut work) = (Data::new(&model), DerivativeData::new(&model));
     group.bench_function("rnea, one by one", |b| {
         b.iter(|| {
             for (i, out) in out.chunks_mut(n).enumerate() {
@@ -108,13 +110,32 @@ fn many_states(c: &mut Criterion) {
             }
         })
     });
+    group.bench_function("aba_partials, one by one", |b| {
+        b.iter(|| {
+            for (i, row) in rows.chunks_mut(length).enumerate() {
+                let (q, v, torque) = (&q[i * n_q..][..n_q], &v[i * n..][..n], &input[i * n..][..n]);
+                let found = model.forward_dynamics_partials(&mut work, q, v, torque, &[]).expect("a mass");
+                let (value, matrices) = row.split_at_mut(n);
+                value.copy_from_slice(found.value);
+                for (matrix, to) in [found.q, found.v, found.input].iter().zip(matrices.chunks_mut(n * n)) {
+                    to.copy_from_slice(matrix.as_slice());
+                }
+            }
+        })
+    });
     for set in InstructionSet::supported() {
         let mut data = LaneData::with_instructions(&model, set);
+        let mut work = LaneDerivativeData::with_instructions(&model, set);
         group.bench_function(BenchmarkId::new("rnea", set.name()), |b| {
             b.iter(|| model.inverse_dynamics_many(&mut data, black_box(&q), &v, &input, &[], &mut out))
         });
         group.bench_function(BenchmarkId::new("aba", set.name()), |b| {
             b.iter(|| model.forward_dynamics_many(&mut data, black_box(&q), &v, &input, &[], &mut out))
+        });
+        group.bench_function(BenchmarkId::new("aba_partials", set.name()), |b| {
+            b.iter(|| {
+                model.forward_dynamics_partials_many(&mut work, black_box(&q), &v, &input, &[], &mut rows)
+            })
         });
     }
     group.finish();

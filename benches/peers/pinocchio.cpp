@@ -58,6 +58,19 @@ int main(int count, char** arguments) {
           out.col(i) = pinocchio::rnea(model, data, many_q.col(i), many_v.col(i), many_a.col(i));
       },
       1, states);
+  // Matrices are kept for each state, as the call for many states does here.
+  const Eigen::Index square = Eigen::Index(model.nv) * model.nv;
+  Eigen::MatrixXd matrices(3 * square, states);
+  const auto keep = [&](int state, int place, const auto& matrix) {
+    Eigen::Map<Eigen::MatrixXd>(matrices.col(state).data() + place * square, model.nv, model.nv) = matrix;
+  };
+  for (const Convention convention : {Convention::WORLD, Convention::LOCAL})
+    report(
+        "crba_many",
+        [&] {
+          for (int i = 0; i < states; ++i) keep(i, 0, pinocchio::crba(model, data, many_q.col(i), convention));
+        },
+        1, states);
   for (const Convention convention : {Convention::WORLD, Convention::LOCAL})
     report(
         "aba_many",
@@ -66,4 +79,22 @@ int main(int count, char** arguments) {
             out.col(i) = pinocchio::aba(model, data, many_q.col(i), many_v.col(i), many_a.col(i), convention);
         },
         1, states);
+  report(
+      "rnea_partials_many",
+      [&] {
+        for (int i = 0; i < states; ++i) {
+          pinocchio::computeRNEADerivatives(model, data, many_q.col(i), many_v.col(i), many_a.col(i));
+          keep(i, 0, data.dtau_dq), keep(i, 1, data.dtau_dv), keep(i, 2, data.M);
+        }
+      },
+      1, states);
+  report(
+      "aba_partials_many",
+      [&] {
+        for (int i = 0; i < states; ++i) {
+          pinocchio::computeABADerivatives(model, data, many_q.col(i), many_v.col(i), many_a.col(i));
+          keep(i, 0, data.ddq_dq), keep(i, 1, data.ddq_dv), keep(i, 2, data.Minv);
+        }
+      },
+      1, states);
 }

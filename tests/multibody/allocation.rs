@@ -5,7 +5,7 @@ use somersault::integrators::stepper::{Scope, Variables};
 use somersault::multibody::flight::{Flight, FlightSystem, TakeOff};
 use somersault::multibody::motion::{BodyWrenches, Coordinates, TreeForces, TreeState, TreeSystem};
 use somersault::multibody::{
-    Axes, Data, DerivativeData, Force, LaneData, Model, Split, Transform, Velocities,
+    Axes, Data, DerivativeData, Force, LaneData, LaneDerivativeData, Model, Split, Transform, Velocities,
 };
 use somersault::prelude::*;
 use somersault_testkit::allocations::allocations;
@@ -93,8 +93,9 @@ fn dynamics_of_trees_and_their_partials_allocate_nothing() {
     let check = |model: &Model, q: &[f64], v: &[f64], a: &[f64], torque: &[f64]| {
         let n = model.n_velocities();
         let (mut data, mut work) = (Data::new(model), DerivativeData::new(model));
-        let mut lanes = LaneData::new(model);
+        let (mut lanes, mut lane_work) = (LaneData::new(model), LaneDerivativeData::new(model));
         let mut many = vec![0.0; 11 * n];
+        let mut rows = vec![0.0; 11 * (n + 3 * n * n)];
         let split = Split::new((0..n).map(|k| k >= 6).collect());
         let (mut acceleration, mut force) = (a.to_vec(), torque.to_vec());
         let mut jacobian = nalgebra::DMatrix::zeros(6, n);
@@ -112,6 +113,9 @@ fn dynamics_of_trees_and_their_partials_allocate_nothing() {
             model.momentum_partials(&mut work, q, v).unwrap();
             model.inverse_dynamics_many(&mut lanes, q, v, a, &[], &mut many).unwrap();
             model.forward_dynamics_many(&mut lanes, q, v, torque, &[], &mut many).unwrap();
+            model.mass_matrix_many(&mut lanes, q, &mut rows[..11 * n * n]).unwrap();
+            model.inverse_dynamics_partials_many(&mut lane_work, q, v, a, &[], &mut rows).unwrap();
+            model.forward_dynamics_partials_many(&mut lane_work, q, v, torque, &[], &mut rows).unwrap();
         });
         assert_eq!(found, 0);
     };

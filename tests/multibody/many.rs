@@ -6,7 +6,8 @@ use somersault::integrators::driver::IntegrateError;
 use somersault::integrators::methods::RungeKuttaMuntheKaas4;
 use somersault::multibody::motion::{BodyWrenches, TreeEnsemble, TreeForces, TreeSystem};
 use somersault::multibody::{
-    Data, DynamicsError, Force, Joint, LaneData, Link, MassProperties, Model, Velocities,
+    Data, DerivativeData, DynamicsError, Force, Joint, LaneData, LaneDerivativeData, Link, MassProperties,
+    Model, Partials, Velocities,
 };
 use somersault::prelude::*;
 use somersault_core::argument::ArgumentError;
@@ -35,24 +36,60 @@ fn bits(x: &[f64]) -> Vec<u64> {
     x.iter().map(|x| x.to_bits()).collect()
 }
 
-/// Inverse and forward dynamics of each state alone, NaN for a state that has no result.
-fn alone(model: &Model, states: &States, has_wrenches: bool) -> [Vec<f64>; 2] {
+/// Inverse and forward dynamics, the mass matrix, and partials of inverse and forward dynamics.
+type All = [Vec<f64>; 5];
+
+/// The result and its partials, these row by row.
+fn row(partials: Partials<'_>) -> Vec<f64> {
+    let mut row = partials.value.to_vec();
+    for matrix in [partials.q, partials.v, partials.input] {
+        row.extend(matrix.transpose().as_slice());
+    }
+    row
+}
+
+/// Of each state alone, NaN for a state that has no result.
+fn alone(model: &Model, states: &States, has_wrenches: bool) -> All {
     let (n_q, n, n_f) = (model.n_positions(), model.n_velocities(), 6 * model.n_bodies());
-    let mut data = Data::new(model);
-    let mut found = [Vec::new(), Vec::new()];
+    let (mut data, mut work) = (Data::new(model), DerivativeData::new(model));
+    let mut found = All::default();
     for i in 0..states.v.len() / n {
-        let row = |x: &'_ [f64], n: usize| x[i * n..(i + 1) * n].to_vec();
-        let (q, v, input) = (row(&states.q, n_q), row(&states.v, n), row(&states.input, n));
+        let part = |x: &'_ [f64], n: usize| x[i * n..(i + 1) * n].to_vec();
+        let (q, v, input) = (part(&states.q, n_q), part(&states.v, n), part(&states.input, n));
         let force =
             |f: &[f64]| Force::new(Vector3::from_column_slice(&f[..3]), Vector3::from_column_slice(&f[3..]));
-        let wrenches: Vec<_> = row(&states.wrenches, n_f).chunks(6).map(force).collect();
+        let wrenches: Vec<_> = part(&states.wrenches, n_f).chunks(6).map(force).collect();
         let wrenches = if has_wrenches { &wrenches[..] } else { &[] };
         found[0].extend(model.inverse_dynamics(&mut data, &q, &v, &input, wrenches).unwrap());
         match model.forward_dynamics(&mut data, &q, &v, &input, wrenches) {
             Ok(a) => found[1].extend(a),
             Err(_) => found[1].extend(vec![f64::NAN; n]),
         }
+        found[2].extend(model.mass_matrix(&mut data, &q).unwrap().as_slice());
+        found[3].extend(row(model.inverse_dynamics_partials(&mut work, &q, &v, &input, wrenches).unwrap()));
+        match model.forward_dynamics_partials(&mut work, &q, &v, &input, wrenches) {
+            Ok(partials) => found[4].extend(row(partials)),
+            Err(_) => found[4].extend(vec![f64::NAN; n + 3 * n * n]),
+        }
     }
+    found
+}
+
+/// Of all states at once.
+fn together(model: &Model, states: &States, has_wrenches: bool, set: InstructionSet) -> All {
+    let States { q, v, input, wrenches } = states;
+    let wrenches = if has_wrenches { &wrenches[..] } else { &[] };
+    let n = model.n_velocities();
+    let count = v.len() / n;
+    let mut data = LaneData::with_instructions(model, set);
+    let mut work = LaneDerivativeData::with_instructions(model, set);
+    let mut found = [n, n, n * n, n + 3 * n * n, n + 3 * n * n].map(|length| vec![0.0; count * length]);
+    let [inverse, forward, mass, inverse_partials, forward_partials] = &mut found;
+    model.inverse_dynamics_many(&mut data, q, v, input, wrenches, inverse).unwrap();
+    model.forward_dynamics_many(&mut data, q, v, input, wrenches, forward).unwrap();
+    model.mass_matrix_many(&mut data, q, mass).unwrap();
+    model.inverse_dynamics_partials_many(&mut work, q, v, input, wrenches, inverse_partials).unwrap();
+    model.forward_dynamics_partials_many(&mut work, q, v, input, wrenches, forward_partials).unwrap();
     found
 }
 
@@ -68,20 +105,11 @@ fn rows_of_many_states_have_the_bits_that_they_have_alone() {
         }
         let states = states(&model, &mut random, COUNT);
         for has_wrenches in [false, true] {
-            let wrenches = if has_wrenches { &states.wrenches[..] } else { &[] };
             let expected = alone(&model, &states, has_wrenches);
             for set in InstructionSet::supported() {
-                let mut data = LaneData::with_instructions(&model, set);
-                let States { q, v, input, .. } = &states;
-                let mut found = [vec![0.0; COUNT * n], vec![0.0; COUNT * n]];
-                model.inverse_dynamics_many(&mut data, q, v, input, wrenches, &mut found[0]).unwrap();
-                model.forward_dynamics_many(&mut data, q, v, input, wrenches, &mut found[1]).unwrap();
-                assert_eq!(
-                    found.each_ref().map(|x| bits(x)),
-                    expected.each_ref().map(|x| bits(x)),
-                    "seed {seed}, {}",
-                    set.name()
-                );
+                let found = together(&model, &states, has_wrenches, set);
+                let [found, expected] = [&found, &expected].map(|all| all.each_ref().map(|x| bits(x)));
+                assert_eq!(found, expected, "seed {seed}, {}", set.name());
             }
         }
     }
@@ -106,12 +134,7 @@ fn joints_that_follow_others_have_many_states_too() {
     let model = geared_diver().model;
     let states = states(&model, &mut Random::new(5), 9);
     let expected = alone(&model, &states, false);
-    let States { q, v, input, .. } = &states;
-    let mut data = LaneData::new(&model);
-    let mut found = [vec![0.0; v.len()], vec![0.0; v.len()]];
-    model.inverse_dynamics_many(&mut data, q, v, input, &[], &mut found[0]).unwrap();
-    model.forward_dynamics_many(&mut data, q, v, input, &[], &mut found[1]).unwrap();
-    assert_eq!(found, expected);
+    assert_eq!(together(&model, &states, false, InstructionSet::detect()), expected);
 }
 
 /// NaN in the fourth and the tenth of eleven states.
@@ -124,15 +147,15 @@ fn a_state_without_a_result_does_not_touch_the_others() {
         states.v[i * n + 8] = f64::NAN;
     }
     let expected = alone(&model, &states, false);
-    let States { q, v, input, .. } = &states;
+    let count = states.v.len() / n;
     for set in InstructionSet::supported() {
-        let mut data = LaneData::with_instructions(&model, set);
-        let mut found = [vec![0.0; v.len()], vec![0.0; v.len()]];
-        model.inverse_dynamics_many(&mut data, q, v, input, &[], &mut found[0]).unwrap();
-        model.forward_dynamics_many(&mut data, q, v, input, &[], &mut found[1]).unwrap();
-        for (found, expected) in found.iter().zip(&expected) {
-            for (i, (found, expected)) in found.chunks(n).zip(expected.chunks(n)).enumerate() {
-                assert_eq!(found.iter().any(|x| x.is_nan()), [3, 9].contains(&i), "{}", set.name());
+        let found = together(&model, &states, false, set);
+        for (k, (found, expected)) in found.iter().zip(&expected).enumerate() {
+            let rows = found.chunks(found.len() / count).zip(expected.chunks(expected.len() / count));
+            for (i, (found, expected)) in rows.enumerate() {
+                // the mass matrix does not depend on v
+                let is_without = [3, 9].contains(&i) && k != 2;
+                assert_eq!(found.iter().any(|x| x.is_nan()), is_without, "{}", set.name());
                 assert!(found.iter().zip(expected).all(|(a, b)| a == b || a.is_nan() && b.is_nan()));
             }
         }
@@ -159,8 +182,15 @@ fn the_first_state_without_a_result_is_named() {
     let error = model.forward_dynamics_many(&mut data, &q, &zero, &zero, &[], &mut found).unwrap_err();
     let DynamicsError::InState { index: 2, source } = error else { panic!("{error}") };
     assert_eq!(*source, DynamicsError::Singular { joint: "slider".to_owned() });
-    let missing: Vec<_> = found.chunks(3).map(|a| a.iter().all(|x| x.is_nan())).collect();
-    assert_eq!(missing, [false, false, true, false, true, false]);
+    let mut rows = vec![0.0; 6 * 30];
+    let mut work = LaneDerivativeData::new(&model);
+    let found_with_partials =
+        model.forward_dynamics_partials_many(&mut work, &q, &zero, &zero, &[], &mut rows).unwrap_err();
+    assert!(matches!(found_with_partials, DynamicsError::InState { index: 2, .. }), "{found_with_partials}");
+    for (found, length) in [(&found, 3), (&rows, 30)] {
+        let missing: Vec<_> = found.chunks(length).map(|a| a.iter().all(|x| x.is_nan())).collect();
+        assert_eq!(missing, [false, false, true, false, true, false]);
+    }
 }
 
 #[test]
@@ -184,6 +214,14 @@ fn lengths_of_many_states_must_fit() {
     check(&q, &v, &torque[1..], &[], 3 * n, "torque");
     check(&q, &v, &torque, &[0.0; 5], 3 * n, "wrenches");
     check(&q, &v, &torque, &[], 3 * n - 1, "acceleration");
+    let mut work = LaneDerivativeData::new(&model);
+    let mut rows = vec![0.0; 3 * (n + 3 * n * n)];
+    let error = model.inverse_dynamics_partials_many(&mut work, &q, &v, &torque[1..], &[], &mut rows);
+    let expected = ArgumentError::Length { argument: "a", expected: 3 * n, found: n - 1 };
+    assert_eq!(error, Err(expected.into()));
+    let error = model.mass_matrix_many(&mut data, &q, &mut rows[..n * n + 1]);
+    let expected = ArgumentError::Length { argument: "matrices", expected: n * n, found: n * n + 1 };
+    assert_eq!(error, Err(expected.into()));
     let mut foreign = LaneData::new(&geared_diver().model);
     let error = model.forward_dynamics_many(&mut foreign, &q, &v, &torque, &[], &mut out);
     assert_eq!(error, Err(DynamicsError::ForeignData));

@@ -320,16 +320,24 @@ def test_wrenches_may_be_many(model: Model) -> None:
         np.testing.assert_array_equal(together[i], model.inverse_dynamics(q[i], v[i], a[i], wrenches[i]))
 
 
-@pytest.mark.parametrize("name", ["inverse_dynamics", "forward_dynamics"])
+@pytest.mark.parametrize(
+    "name",
+    ["inverse_dynamics", "forward_dynamics", "inverse_dynamics_partials", "forward_dynamics_partials"],
+)
 def test_many_states_have_the_bits_that_each_has_alone(model: Model, name: str) -> None:
     # Groups of lanes, parts of them, one row that stands for all, and wrenches.
-    function = getattr(model, name)
+    def function(*arguments: Array) -> tuple[Array, ...]:
+        found = getattr(model, name)(*arguments)
+        return found if isinstance(found, tuple) else (found,)
+
     for n in (1, 2, 5, 8, 13, 67):
         q, v, a = many(model, n)
         wrenches = np.random.default_rng(n).normal(size=(n, model.n_bodies, 6))
         together = function(q, v[0], a, wrenches)
         for i in range(n):
-            np.testing.assert_array_equal(together[i], function(q[i], v[0], a[i], wrenches[i]))
+            alone = function(q[i], v[0], a[i], wrenches[i])
+            for all_rows, own in zip(together, alone, strict=True):
+                np.testing.assert_array_equal(all_rows[i], own)
 
 
 def test_the_first_of_many_states_without_an_acceleration_is_named() -> None:

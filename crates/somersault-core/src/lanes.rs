@@ -165,6 +165,11 @@ impl<L: Lanes> Arithmetic for Packed<L> {
     }
 
     #[inline(always)]
+    fn square_root(self) -> Self {
+        self.with(self.lanes.sqrt(self.vector))
+    }
+
+    #[inline(always)]
     fn exceeds(self, bound: Self) -> bool {
         let l = self.lanes;
         let (above, finite) =

@@ -33,6 +33,9 @@ pub trait Arithmetic:
     /// The sine and the cosine.
     fn sine_and_cosine(self) -> (Self, Self);
 
+    /// The square root.
+    fn square_root(self) -> Self;
+
     /// Whether the number, in every lane, is greater than `bound` and finite.
     fn exceeds(self, bound: Self) -> bool;
 }
@@ -41,6 +44,11 @@ impl<T: Scalar> Arithmetic for T {
     #[inline(always)]
     fn sine_and_cosine(self) -> (Self, Self) {
         self.sin_cos()
+    }
+
+    #[inline(always)]
+    fn square_root(self) -> Self {
+        self.sqrt()
     }
 
     #[inline(always)]

@@ -5,7 +5,7 @@ use crate::inertia::{ArticulatedInertia, SpatialInertia};
 use crate::model::Model;
 use crate::spatial::{Force, Motion, Transform};
 use nalgebra::{DMatrix, Vector3};
-use somersault_core::scalar::{Lift, Scalar};
+use somersault_core::scalar::{Arithmetic, Lift, Scalar};
 
 /// Room for intermediate results and results, made once for a model and used repeatedly.
 ///
@@ -20,7 +20,7 @@ pub struct Data<T: Scalar = f64> {
 
 /// What the kernels write, in tree coordinates.
 #[derive(Debug, Clone)]
-pub(crate) struct TreeData<T: Scalar> {
+pub(crate) struct TreeData<T: Arithmetic> {
     pub(crate) nodes: Vec<Node<T>>,
     /// Position of the root in the world, the origin of the common frame.
     pub(crate) origin: Vector3<T>,
@@ -71,6 +71,29 @@ impl<N> Node<N> {
     }
 }
 
+impl<N: Arithmetic> TreeData<N> {
+    pub(crate) fn new<T: Scalar>(proof: <N as Lift<T>>::Proof, model: &Model<T>) -> Self
+    where
+        N: Lift<T>,
+    {
+        let n = model.directions.len();
+        let zero = N::lift(proof, T::zero());
+        let (motion, force) = (Motion::<T>::zero().lift(proof), Force::<T>::zero().lift(proof));
+        Self {
+            nodes: vec![Node::at_rest::<T>(proof); model.n_bodies()],
+            origin: motion.linear,
+            columns: vec![motion; n],
+            momenta: vec![force; n],
+            pivots: vec![Pivot { inverse: zero, residual: zero }; n],
+            torque: vec![zero; n],
+            acceleration: vec![zero; n],
+            zeros: vec![zero; n],
+            mass_matrix: DMatrix::from_element(n, n, zero),
+            momentum_matrix: DMatrix::from_element(6, n, zero),
+        }
+    }
+}
+
 /// What the elimination of one degree of freedom leaves behind.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pivot<T> {
@@ -83,19 +106,7 @@ pub(crate) struct Pivot<T> {
 impl<T: Scalar> Data<T> {
     /// A workspace for `model`.
     pub fn new(model: &Model<T>) -> Self {
-        let n = model.directions.len();
-        let tree = TreeData {
-            nodes: vec![Node::at_rest::<T>(()); model.n_bodies()],
-            origin: Vector3::zeros(),
-            columns: vec![Motion::zero(); n],
-            momenta: vec![Force::zero(); n],
-            pivots: vec![Pivot { inverse: T::zero(), residual: T::zero() }; n],
-            torque: vec![T::zero(); n],
-            acceleration: vec![T::zero(); n],
-            zeros: vec![T::zero(); n],
-            mass_matrix: DMatrix::zeros(n, n),
-            momentum_matrix: DMatrix::zeros(6, n),
-        };
+        let tree = TreeData::new((), model);
         Self { n_positions: model.n_positions(), tree, room: Room::new(model) }
     }
 

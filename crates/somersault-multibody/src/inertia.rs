@@ -9,8 +9,8 @@
 
 use crate::spatial::{Direction, Force, Motion, Transform};
 use crate::triples::{
-    columns, cross, difference, dot, lifted, matrix_lifted, matrix_sum, of_columns, product, scaled, sum,
-    times, transposed, transposed_times,
+    columns, cross, difference, dot, hat_times, lifted, matrix_lifted, matrix_sum, of_columns, product,
+    scaled, sum, times, transposed, transposed_times,
 };
 use nalgebra::{Matrix3, Vector3};
 use somersault_core::lie::so3::hat;
@@ -111,13 +111,6 @@ impl<T: Arithmetic> AddAssign for Symmetric3<T> {
     }
 }
 
-/// û m: the cross product of `u` with every column of `m`.
-#[inline(always)]
-fn hat_times<T: Arithmetic>(u: &Vector3<T>, m: &Matrix3<T>) -> Matrix3<T> {
-    let [a, b, c] = columns(m);
-    of_columns([cross(u, &a), cross(u, &b), cross(u, &c)])
-}
-
 /// Spatial inertia of a rigid body about the origin of a frame: 10 numbers.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SpatialInertia<T> {
@@ -158,13 +151,20 @@ impl<T: Scalar> SpatialInertia<T> {
     /// h' = R h + m p, I' = R I Rᵀ + (m p·p + 2 p·Rh) 1 − m p pᵀ − p (Rh)ᵀ − (Rh) pᵀ.
     #[inline(always)]
     pub fn seen_from(&self, pose: &Transform<T>) -> Self {
+        self.seen_from_in((), pose)
+    }
+
+    /// The same in other arithmetic.
+    #[inline(always)]
+    pub(crate) fn seen_from_in<N: Lift<T>>(&self, proof: N::Proof, pose: &Transform<N>) -> SpatialInertia<N> {
+        let SpatialInertia { mass, first_moment, rotational } = self.lift(proof);
         let p = &pose.translation;
-        let h = pose.rotation * self.first_moment;
-        let mut rotational = self.rotational.rotated(&pose.rotation);
+        let h = times(&pose.rotation, &first_moment);
+        let mut rotational: Symmetric3<N> = rotational.rotated(&pose.rotation);
         // with g = h + m p / 2 the shift is 2 (p·g) 1 − p gᵀ − g pᵀ
-        let g = h + p * (self.mass * constant(0.5));
+        let g = sum(&h, &scaled(p, N::lift(proof, self.mass * constant(0.5))));
         let (x, y, z) = (p.x * g.x, p.y * g.y, p.z * g.z);
-        let two = |a: T| a + a;
+        let two = |a: N| a + a;
         rotational += Symmetric3 {
             xx: two(y + z),
             xy: -(p.x * g.y + p.y * g.x),
@@ -173,7 +173,7 @@ impl<T: Scalar> SpatialInertia<T> {
             yz: -(p.y * g.z + p.z * g.y),
             zz: two(x + y),
         };
-        Self { mass: self.mass, first_moment: h + p * self.mass, rotational }
+        SpatialInertia { mass, first_moment: sum(&h, &scaled(p, mass)), rotational }
     }
 }
 
@@ -198,11 +198,11 @@ impl<T: Arithmetic> SpatialInertia<T> {
     }
 }
 
-impl<T: Scalar> AddAssign for SpatialInertia<T> {
+impl<T: Arithmetic> AddAssign for SpatialInertia<T> {
     #[inline(always)]
     fn add_assign(&mut self, other: Self) {
         self.mass += other.mass;
-        self.first_moment += other.first_moment;
+        self.first_moment = sum(&self.first_moment, &other.first_moment);
         self.rotational += other.rotational;
     }
 }

@@ -7,9 +7,10 @@ use crate::data::{Data, TreeData};
 use crate::error::DynamicsError;
 use crate::model::Model;
 use crate::spatial::{Motion, Transform};
+use crate::triples::lifted;
 use nalgebra::{DMatrix, Vector3};
 use somersault_core::argument::{ArgumentError, expect_length};
-use somersault_core::scalar::{Scalar, constant};
+use somersault_core::scalar::{Lift, Scalar, constant};
 
 /// The axes in which the velocity of a frame's origin is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -96,19 +97,32 @@ impl<T: Scalar> Model<T> {
     /// Local transforms, poses and motion subspaces in the common frame.
     #[inline]
     pub(crate) fn place(&self, data: &mut TreeData<T>, q: &[T]) {
-        let local = self.bodies[0].mechanism.transform(q);
-        data.origin = local.translation;
+        self.place_in((), data, q);
+        data.origin = data.nodes[0].local.translation;
+    }
+
+    /// [`place`](Self::place) in other arithmetic, but for the position of the root.
+    #[inline(always)]
+    pub(crate) fn place_in<N: Lift<T>>(&self, proof: N::Proof, data: &mut TreeData<N>, q: &[N]) {
+        let local = self.bodies[0].mechanism.transform_in(proof, q);
         data.nodes[0].local = local;
-        self.place_from(data, q, Transform::new(local.rotation, Vector3::zeros()));
+        let root = Transform::new(local.rotation, lifted(proof, &Vector3::zeros()));
+        self.place_from_in(proof, data, q, root);
     }
 
     /// The same in any frame, from the pose of the root in it.
-    #[inline]
-    pub(crate) fn place_from(&self, data: &mut TreeData<T>, q: &[T], root: Transform<T>) {
+    #[inline(always)]
+    pub(crate) fn place_from_in<N: Lift<T>>(
+        &self,
+        proof: N::Proof,
+        data: &mut TreeData<N>,
+        q: &[N],
+        root: Transform<N>,
+    ) {
         for (i, body) in self.bodies.iter().enumerate() {
             let pose = match body.parent {
                 Some(parent) => {
-                    let local = body.mechanism.transform(&q[body.q..]);
+                    let local = body.mechanism.transform_in(proof, &q[body.q..]);
                     data.nodes[i].local = local;
                     data.nodes[parent].pose.compose(&local)
                 }
@@ -116,7 +130,7 @@ impl<T: Scalar> Model<T> {
             };
             data.nodes[i].pose = pose;
             for k in body.dofs.clone() {
-                data.columns[k] = self.directions[k].seen_from(&pose);
+                data.columns[k] = self.directions[k].seen_from(proof, &pose);
             }
         }
     }

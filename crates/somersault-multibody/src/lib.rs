@@ -10,7 +10,8 @@
 //! A [`Model`] is a tree of bodies, immutable; a [`Data`] is the workspace in which the algorithms
 //! leave their results. They cost O(n) or O(n × depth), the partials of forward dynamics O(n² × depth); they
 //! allocate nothing and are generic over the scalar, so that dual numbers go through them. Many states of one tree are
-//! computed in the lanes of vector instructions ([`Model::forward_dynamics_many`]) and move as one system
+//! computed in the lanes of vector instructions ([`Model::forward_dynamics_many`],
+//! [`Model::forward_dynamics_partials_many`]) and move as one system
 //! ([`motion::TreeEnsemble`]).
 //!
 //! | Symbol | Meaning | Here |
@@ -87,7 +88,7 @@ pub use inertia::SpatialInertia;
 pub use joint::{Group, Joint, JointKind, Turning};
 pub use kinematics::{Accelerations, Axes, Positions, Velocities};
 pub use link::{Link, MassProperties};
-pub use many::LaneData;
+pub use many::{LaneData, LaneDerivativeData};
 pub use mimic::Mimic;
 pub use model::Model;
 pub use nalgebra;

@@ -177,12 +177,14 @@ impl<T: Arithmetic> Direction<T> {
 impl<T: Scalar> Direction<T> {
     /// This direction, fixed in a frame of the given pose, in the outer frame.
     #[inline(always)]
-    pub(crate) fn seen_from(&self, pose: &Transform<T>) -> Motion<T> {
+    pub(crate) fn seen_from<N: Lift<T>>(&self, proof: N::Proof, pose: &Transform<N>) -> Motion<N> {
         match self {
-            Self::Linear(axis) => Motion::new(pose.rotation * axis, Vector3::zeros()),
+            Self::Linear(axis) => {
+                Motion::new(times(&pose.rotation, &lifted(proof, axis)), lifted(proof, &Vector3::zeros()))
+            }
             Self::Angular(axis) => {
-                let angular = pose.rotation * axis;
-                Motion::new(pose.translation.cross(&angular), angular)
+                let angular = times(&pose.rotation, &lifted(proof, axis));
+                Motion::new(cross(&pose.translation, &angular), angular)
             }
         }
     }

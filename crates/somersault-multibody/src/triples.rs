@@ -87,11 +87,25 @@ pub(crate) fn product<T: Arithmetic>(m: &Matrix3<T>, n: &Matrix3<T>) -> Matrix3<
     of_columns([times(m, &a), times(m, &b), times(m, &c)])
 }
 
+/// û M
+#[inline(always)]
+pub(crate) fn hat_times<T: Arithmetic>(u: &Vector3<T>, m: &Matrix3<T>) -> Matrix3<T> {
+    let [a, b, c] = columns(m);
+    of_columns([cross(u, &a), cross(u, &b), cross(u, &c)])
+}
+
 /// M + N
 #[inline(always)]
 pub(crate) fn matrix_sum<T: Arithmetic>(m: &Matrix3<T>, n: &Matrix3<T>) -> Matrix3<T> {
     let ([a, b, c], [d, e, f]) = (columns(m), columns(n));
     of_columns([sum(&a, &d), sum(&b, &e), sum(&c, &f)])
+}
+
+/// M − N
+#[inline(always)]
+pub(crate) fn matrix_difference<T: Arithmetic>(m: &Matrix3<T>, n: &Matrix3<T>) -> Matrix3<T> {
+    let ([a, b, c], [d, e, f]) = (columns(m), columns(n));
+    of_columns([difference(&a, &d), difference(&b, &e), difference(&c, &f)])
 }
 
 /// M s

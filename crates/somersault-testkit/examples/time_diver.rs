@@ -4,7 +4,7 @@
 //! as `benches/peers/pinocchio.cpp`; with the argument `urdf` prints the diver as URDF instead. For statistics see
 //! `benches/multibody.rs`.
 
-use somersault_multibody::{Data, DerivativeData, DynamicsError, LaneData, urdf};
+use somersault_multibody::{Data, DerivativeData, DynamicsError, LaneData, LaneDerivativeData, urdf};
 use somersault_testkit::trees::{State, diver};
 use std::error::Error;
 use std::hint::black_box;
@@ -63,8 +63,17 @@ fn main() -> Result<(), Box<dyn Error>> {
     report_of("rnea_many", 1, STATES, || {
         model.inverse_dynamics_many(&mut lanes, black_box(&q), &v, &a, &[], &mut out)
     })?;
+    let (n, mut work) = (model.n_velocities(), LaneDerivativeData::new(&model));
+    let (mut matrices, mut rows) = (vec![0.0; STATES * n * n], vec![0.0; STATES * (n + 3 * n * n)]);
+    report_of("crba_many", 1, STATES, || model.mass_matrix_many(&mut lanes, black_box(&q), &mut matrices))?;
     report_of("aba_many", 1, STATES, || {
         model.forward_dynamics_many(&mut lanes, black_box(&q), &v, &torque, &[], &mut out)
+    })?;
+    report_of("rnea_partials_many", 1, STATES, || {
+        model.inverse_dynamics_partials_many(&mut work, black_box(&q), &v, &a, &[], &mut rows)
+    })?;
+    report_of("aba_partials_many", 1, STATES, || {
+        model.forward_dynamics_partials_many(&mut work, black_box(&q), &v, &torque, &[], &mut rows)
     })?;
     Ok(())
 }

@@ -7,7 +7,7 @@
 //! ```
 //! since the columns of a joint move with its body.
 
-use super::DerivativeData;
+use super::{DerivativeData, DerivativeTables};
 use crate::articulated::{Roles, Split};
 use crate::model::Model;
 use crate::spatial::{Force, Motion};
@@ -28,7 +28,7 @@ impl Model {
         room: &mut [Varying],
         out: &mut [Tangent<Twist>],
     ) {
-        let DerivativeData { data, bodies, .. } = work;
+        let DerivativeData { data, tables: DerivativeTables { bodies, .. }, .. } = work;
         let crate::data::Data { tree, room: spread, .. } = data;
         let (way, rate) = (self.spread(way, &mut spread.v), self.spread(rate, &mut spread.a));
         for (i, body) in self.bodies.iter().enumerate() {
@@ -88,7 +88,7 @@ impl Model {
         out: &mut [f64],
     ) {
         out.fill(0.0);
-        let by: [&DMatrix<f64>; 3] = [&work.forward.q, &work.forward.v, &work.response];
+        let by: [&DMatrix<f64>; 3] = [&work.tables.forward.q, &work.tables.forward.v, &work.tables.response];
         for (matrix, change) in by.into_iter().zip(along) {
             for (column, &change) in matrix.column_iter().zip(change) {
                 if change != 0.0 {

@@ -38,10 +38,14 @@ use crate::error::DynamicsError;
 use crate::inertia::SpatialInertia;
 use crate::model::Model;
 use crate::spatial::{Force, Motion};
+use crate::triples::{
+    cross, dot, hat_times, lifted, matrix_difference, matrix_lifted, matrix_sum, of_columns, sum, times,
+    transposed, transposed_times,
+};
+use elimination::way;
 use nalgebra::{DMatrix, Matrix3, Vector3};
-use somersault_core::Scalar;
 use somersault_core::argument::expect_length;
-use somersault_core::lie::so3::hat;
+use somersault_core::scalar::{Arithmetic, Lift, Scalar};
 use std::ops::AddAssign;
 
 /// A result of dynamics with its partial derivatives, each [`n_velocities`](Model::n_velocities) squared.
@@ -63,15 +67,24 @@ pub struct Partials<'a, T: Scalar = f64> {
 #[derive(Debug, Clone)]
 pub struct DerivativeData<T: Scalar = f64> {
     data: Data<T>,
-    bodies: Vec<Outward<T>>,
-    columns: Vec<Column<T>>,
-    inverse: Tables<T>,
-    /// What `inverse`, `center` and `momentum` are in independent coordinates; empty where no joint follows another.
+    tables: DerivativeTables<T>,
+    /// What `tables.inverse`, `center` and `momentum` are in independent coordinates; empty where no joint follows another.
     gathered: Tables<T>,
     gathered_center: DMatrix<T>,
     gathered_momentum: DMatrix<T>,
     torque: Vec<T>,
     acceleration: Vec<T>,
+    input: DMatrix<T>,
+    center: DMatrix<T>,
+    momentum: DMatrix<T>,
+}
+
+/// What the partials of inverse and forward dynamics are computed in, beside [`TreeData`].
+#[derive(Debug, Clone)]
+pub(crate) struct DerivativeTables<T: Arithmetic> {
+    bodies: Vec<Outward<T>>,
+    columns: Vec<Column<T>>,
+    pub(crate) inverse: Tables<T>,
     /// Of each degree of freedom those on one way to the root with it, itself among them.
     relatives: Vec<Vec<usize>>,
     /// The nearest passive degree of freedom on the way to the root.
@@ -79,19 +92,23 @@ pub struct DerivativeData<T: Scalar = f64> {
     /// L by rows, LᵀL the passive part of M; a row holds the entries on the way to the root, from the diagonal.
     factor: DMatrix<T>,
     /// What a unit passive joint force does to the result.
-    response: DMatrix<T>,
-    forward: Tables<T>,
-    input: DMatrix<T>,
-    center: DMatrix<T>,
-    momentum: DMatrix<T>,
+    pub(crate) response: DMatrix<T>,
+    pub(crate) forward: Tables<T>,
 }
 
 /// A result and its partials with respect to q and v.
 #[derive(Debug, Clone)]
-struct Tables<T: Scalar> {
-    value: Vec<T>,
-    q: DMatrix<T>,
-    v: DMatrix<T>,
+pub(crate) struct Tables<T: Arithmetic> {
+    pub(crate) value: Vec<T>,
+    pub(crate) q: DMatrix<T>,
+    pub(crate) v: DMatrix<T>,
+}
+
+impl<T: Arithmetic> Tables<T> {
+    fn of(zero: T, n: usize) -> Self {
+        let square = DMatrix::from_element(n, n, zero);
+        Self { value: vec![zero; n], q: square.clone(), v: square }
+    }
 }
 
 /// State of a body in the common frame, then sums over its subtree.
@@ -118,41 +135,57 @@ struct Column<T> {
     rate: Motion<T>,
 }
 
-impl<T: Scalar> Coriolis<T> {
+impl<T: Arithmetic> Coriolis<T> {
+    /// With A = ω̂ I and V = v̂ ĥ, C = A + Aᵀ − V − Vᵀ − n̂.
+    #[inline(always)]
     fn new(inertia: &SpatialInertia<T>, velocity: &Motion<T>, momentum: &Force<T>) -> Self {
-        let (omega, h) = (hat(&velocity.angular), hat(&inertia.first_moment));
-        let v = hat(&velocity.linear);
-        let rotational = inertia.rotational();
-        let angular = omega * rotational - rotational * omega - v * h - h * v - hat(&momentum.angular);
+        let (v, h, n) = (&velocity.linear, &inertia.first_moment, &momentum.angular);
+        let turned = hat_times(&velocity.angular, &inertia.rotational.full());
+        // v̂ ĥ = h vᵀ − (v·h) 1
+        let (x, y, z) = (h.x * v.x, h.y * v.y, h.z * v.z);
+        let moved = of_columns([
+            Vector3::new(-(y + z), h.y * v.x, h.z * v.x),
+            Vector3::new(h.x * v.y, -(x + z), h.z * v.y),
+            Vector3::new(h.x * v.z, h.y * v.z, -(x + y)),
+        ]);
+        let turned = matrix_sum(&turned, &transposed(&turned));
+        let c = matrix_difference(&matrix_difference(&turned, &moved), &transposed(&moved));
+        let angular = of_columns([
+            Vector3::new(c.m11, c.m21 - n.z, c.m31 + n.y),
+            Vector3::new(c.m12 + n.z, c.m22, c.m32 - n.x),
+            Vector3::new(c.m13 - n.y, c.m23 + n.x, c.m33),
+        ]);
         Self { momentum: momentum.linear, angular }
     }
 
     #[inline(always)]
     fn times(&self, x: &Motion<T>) -> Force<T> {
-        let half = x.angular.cross(&self.momentum);
-        Force::new(half + half, self.angular * x.angular)
+        let half = cross(&x.angular, &self.momentum);
+        Force::new(sum(&half, &half), times(&self.angular, &x.angular))
     }
 
     /// The row xᵀ 2B, whose linear part is zero.
     #[inline(always)]
     fn transposed(&self, x: &Motion<T>) -> Vector3<T> {
-        let half = self.momentum.cross(&x.linear);
-        half + half + self.angular.tr_mul(&x.angular)
+        let half = cross(&self.momentum, &x.linear);
+        sum(&sum(&half, &half), &transposed_times(&self.angular, &x.angular))
     }
 }
 
-impl<T: Scalar> AddAssign for Coriolis<T> {
+impl<T: Arithmetic> AddAssign for Coriolis<T> {
+    #[inline(always)]
     fn add_assign(&mut self, other: Self) {
-        self.momentum += other.momentum;
-        self.angular += other.angular;
+        self.momentum = sum(&self.momentum, &other.momentum);
+        self.angular = matrix_sum(&self.angular, &other.angular);
     }
 }
 
-impl<T: Scalar> DerivativeData<T> {
-    /// A workspace for `model`.
-    pub fn new(model: &Model<T>) -> Self {
+impl<N: Arithmetic> DerivativeTables<N> {
+    pub(crate) fn new<T: Scalar>(proof: <N as Lift<T>>::Proof, model: &Model<T>) -> Self
+    where
+        N: Lift<T>,
+    {
         let (n, n_tree) = (model.n_velocities(), model.directions.len());
-        let n_gathered = model.coupling.as_ref().map_or(0, |_| n);
         let parents = model.elimination_parents();
         let mut relatives: Vec<Vec<usize>> = vec![Vec::new(); n];
         for k in 0..n {
@@ -164,28 +197,47 @@ impl<T: Scalar> DerivativeData<T> {
             }
             relatives[k].push(k);
         }
-        let (motion, force) = (Motion::zero(), Force::zero());
-        let coriolis = Coriolis { momentum: Vector3::zeros(), angular: Matrix3::zeros() };
+        let zero = N::lift(proof, T::zero());
+        let (motion, force) = (Motion::zero().lift(proof), Force::zero().lift(proof));
+        let coriolis = Coriolis {
+            momentum: lifted(proof, &Vector3::zeros()),
+            angular: matrix_lifted(proof, &Matrix3::zeros()),
+        };
         let body = Outward { velocity: motion, acceleration: motion, force, coriolis };
-        let (vector, square) = (vec![T::zero(); n], DMatrix::zeros(n, n));
-        let tables =
-            |n| Tables { value: vec![T::zero(); n], q: DMatrix::zeros(n, n), v: DMatrix::zeros(n, n) };
+        let square = DMatrix::from_element(n, n, zero);
         Self {
-            data: Data::new(model),
             bodies: vec![body; model.n_bodies()],
             columns: vec![Column { first: motion, second: motion, rate: motion }; n_tree],
-            inverse: tables(n_tree),
-            gathered: tables(n_gathered),
+            inverse: Tables::of(zero, n_tree),
+            relatives,
+            above: vec![None; n],
+            factor: square.clone(),
+            response: square,
+            forward: Tables::of(zero, n),
+        }
+    }
+}
+
+impl<T: Scalar> DerivativeData<T> {
+    /// Fails unless this workspace has the sizes of `model`.
+    pub(crate) fn expect_for(&self, model: &Model<T>) -> Result<(), DynamicsError> {
+        self.data.expect_for(model)
+    }
+
+    /// A workspace for `model`.
+    pub fn new(model: &Model<T>) -> Self {
+        let (n, n_tree) = (model.n_velocities(), model.directions.len());
+        let n_gathered = model.coupling.as_ref().map_or(0, |_| n);
+        let vector = vec![T::zero(); n];
+        Self {
+            data: Data::new(model),
+            tables: DerivativeTables::new((), model),
+            gathered: Tables::of(T::zero(), n_gathered),
             gathered_center: DMatrix::zeros(3, n_gathered),
             gathered_momentum: DMatrix::zeros(6, n_gathered),
             torque: vector.clone(),
             acceleration: vector,
-            relatives,
-            above: vec![None; n],
-            factor: square.clone(),
-            response: square.clone(),
-            forward: tables(n),
-            input: square,
+            input: DMatrix::zeros(n, n),
             center: DMatrix::zeros(3, n_tree),
             momentum: DMatrix::zeros(6, n_tree),
         }
@@ -205,37 +257,67 @@ impl<T: Scalar> Model<T> {
         self.expect_state(&work.data, q, v)?;
         expect_length("a", a.len(), self.n_velocities())?;
         self.expect_wrenches(wrenches)?;
-        let DerivativeData { data: Data { tree, room, .. }, bodies, columns, inverse, gathered, .. } = work;
+        let DerivativeData { data: Data { tree, room, .. }, tables, gathered, .. } = work;
         self.place(tree, self.spread_positions(q, &mut room.q));
         let (v, a) = (self.spread(v, &mut room.v), self.spread(a, &mut room.a));
-        self.sweep_outwards(tree, bodies, columns, v, a, wrenches);
-        self.collect(tree, bodies, columns, inverse, v);
+        self.differentiate(tree, tables, v, a, wrenches);
         Ok(Partials {
-            value: self.gather(&inverse.value, &mut gathered.value),
-            q: self.gather_square(&inverse.q, &mut gathered.q),
-            v: self.gather_square(&inverse.v, &mut gathered.v),
+            value: self.gather(&tables.inverse.value, &mut gathered.value),
+            q: self.gather_square(&tables.inverse.q, &mut gathered.q),
+            v: self.gather_square(&tables.inverse.v, &mut gathered.v),
             input: self.gather_square(&tree.mass_matrix, &mut room.mass_matrix),
         })
     }
 
-    /// Outwards: velocities, accelerations, forces and columns in the common frame.
+    /// The joint forces, their partials and the mass matrix in tree coordinates; poses must be up to date.
     ///
     /// Not inlined: where `v` may be spread or given, only the arguments of a function are known not to overlap.
     #[inline(never)]
-    fn sweep_outwards(
+    fn differentiate(
         &self,
         data: &mut TreeData<T>,
-        bodies: &mut [Outward<T>],
-        columns: &mut [Column<T>],
+        tables: &mut DerivativeTables<T>,
         v: &[T],
         a: &[T],
         wrenches: &[Force<T>],
     ) {
-        let world = Motion::new(-self.gravity, Vector3::zeros());
+        self.differentiate_in((), data, tables, v, a, wrenches);
+    }
+
+    /// The same in other arithmetic.
+    #[inline(always)]
+    pub(crate) fn differentiate_in<N: Lift<T>>(
+        &self,
+        proof: N::Proof,
+        data: &mut TreeData<N>,
+        tables: &mut DerivativeTables<N>,
+        v: &[N],
+        a: &[N],
+        wrenches: &[Force<N>],
+    ) {
+        let DerivativeTables { bodies, columns, inverse, .. } = tables;
+        self.sweep_outwards(proof, data, bodies, columns, v, a, wrenches);
+        self.collect(proof, data, bodies, columns, inverse, v);
+    }
+
+    /// Outwards: velocities, accelerations, forces and columns in the common frame.
+    #[inline(always)]
+    fn sweep_outwards<N: Lift<T>>(
+        &self,
+        proof: N::Proof,
+        data: &mut TreeData<N>,
+        bodies: &mut [Outward<N>],
+        columns: &mut [Column<N>],
+        v: &[N],
+        a: &[N],
+        wrenches: &[Force<N>],
+    ) {
+        let rest = Motion::zero().lift(proof);
+        let world = Motion::new(-self.gravity, Vector3::zeros()).lift(proof);
         for (i, body) in self.bodies.iter().enumerate() {
             let (outer_velocity, outer_acceleration) =
-                body.parent.map_or((Motion::zero(), world), |p| (bodies[p].velocity, bodies[p].acceleration));
-            let (mut relative, mut pushed) = (Motion::zero(), Motion::zero());
+                body.parent.map_or((rest, world), |p| (bodies[p].velocity, bodies[p].acceleration));
+            let (mut relative, mut pushed) = (rest, rest);
             for k in body.dofs.clone() {
                 relative += data.columns[k] * v[k];
                 pushed += data.columns[k] * a[k];
@@ -243,7 +325,7 @@ impl<T: Scalar> Model<T> {
             let velocity = outer_velocity + relative;
             let acceleration = outer_acceleration + pushed + velocity.cross(&relative);
             let node = &mut data.nodes[i];
-            let inertia = body.inertia.seen_from(&node.pose);
+            let inertia = body.inertia.seen_from_in(proof, &node.pose);
             node.composite = inertia;
             let momentum = inertia.times(&velocity);
             let mut force = inertia.times(&acceleration) + velocity.cross_force(&momentum);
@@ -262,14 +344,15 @@ impl<T: Scalar> Model<T> {
     }
 
     /// Inwards: sums over subtrees, and all entries of a joint with its ancestors.
-    #[inline(never)]
-    fn collect(
+    #[inline(always)]
+    fn collect<N: Lift<T>>(
         &self,
-        data: &mut TreeData<T>,
-        bodies: &mut [Outward<T>],
-        columns: &[Column<T>],
-        tables: &mut Tables<T>,
-        v: &[T],
+        proof: N::Proof,
+        data: &mut TreeData<N>,
+        bodies: &mut [Outward<N>],
+        columns: &[Column<N>],
+        tables: &mut Tables<N>,
+        v: &[N],
     ) {
         let n = self.directions.len();
         let Tables { value, q: by_q, v: by_v } = tables;
@@ -283,33 +366,24 @@ impl<T: Scalar> Model<T> {
                 let column = data.columns[k];
                 let momentum = composite.times(&column);
                 let Column { first, second, rate } = columns[k];
-                value[k] = column.dot(&force) + self.damping[k] * v[k];
+                let damping = N::lift(proof, self.damping[k]);
+                value[k] = column.dot(&force) + damping * v[k];
                 let row = coriolis.transposed(&column);
-                let mut pair = |j: usize| {
+                for j in body.dofs.clone().chain(way(&self.dof_parent, further_in)) {
                     let other = &columns[j];
-                    by_q[j * n + k] = row.dot(&other.first.angular) + other.second.dot(&momentum);
-                    by_v[j * n + k] = row.dot(&data.columns[j].angular) + other.rate.dot(&momentum);
+                    by_q[j * n + k] = dot(&row, &other.first.angular) + other.second.dot(&momentum);
+                    by_v[j * n + k] = dot(&row, &data.columns[j].angular) + other.rate.dot(&momentum);
                     let entry = data.columns[j].dot(&momentum);
                     mass[j * n + k] = entry;
                     mass[k * n + j] = entry;
-                };
-                for j in body.dofs.clone() {
-                    pair(j);
-                }
-                let mut ancestor = further_in;
-                while let Some(j) = ancestor {
-                    pair(j);
-                    ancestor = self.dof_parent[j];
                 }
                 let change_q = coriolis.times(&first) + composite.times(&second) + column.cross_force(&force);
                 let change_v = coriolis.times(&column) + composite.times(&rate);
-                let mut ancestor = further_in;
-                while let Some(j) = ancestor {
+                for j in way(&self.dof_parent, further_in) {
                     by_q[k * n + j] = data.columns[j].dot(&change_q);
                     by_v[k * n + j] = data.columns[j].dot(&change_v);
-                    ancestor = self.dof_parent[j];
                 }
-                by_v[k * n + k] += self.damping[k];
+                by_v[k * n + k] += damping;
             }
             if let Some(parent) = body.parent {
                 bodies[parent].force += force;

@@ -4,7 +4,7 @@
 //! velocity: δh = S_k ×* h^C_i + I^C_i ψ̇_k, about the fixed origin. The centre of mass c moves by the linear
 //! part of I^C_i S_k over the mass, and the angular momentum about it by δ(n − c × l) = δn − δc × l − c × δl.
 
-use super::DerivativeData;
+use super::{DerivativeData, DerivativeTables};
 use crate::data::Data;
 use crate::error::DynamicsError;
 use crate::model::Model;
@@ -39,7 +39,8 @@ impl<T: Scalar> Model<T> {
         self.expect_state(&work.data, q, v)?;
         let centroidal = self.centroidal(&mut work.data, q)?;
         let (center_of_mass, momentum) = (centroidal.center_of_mass, centroidal.momentum(v)?);
-        let DerivativeData { data, bodies, center, momentum: by_q, .. } = work;
+        let DerivativeData { data, tables: DerivativeTables { bodies, .. }, center, momentum: by_q, .. } =
+            work;
         let Data { tree: data, room, .. } = data;
         let v = self.spread(v, &mut room.v);
         let whole = data.nodes[0].composite;

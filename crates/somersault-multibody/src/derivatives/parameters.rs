@@ -12,7 +12,7 @@
 //! for k further out than the joint, with I^C of what k carries, and for j on the way to the root, with I^C and f^C of what the
 //! joint carries. The frames of the bodies that are carried move by d at the rate ω_λ × d.
 
-use super::DerivativeData;
+use super::{DerivativeData, DerivativeTables};
 use crate::data::TreeData;
 use crate::error::DynamicsError;
 use crate::inertia::SpatialInertia;
@@ -98,7 +98,7 @@ impl Model {
         parameter: &TreeParameter,
     ) -> Option<Force<f64>> {
         let change = self.inertia_change(parameter)?;
-        let (node, body) = (&work.data.tree.nodes[parameter.body()], &work.bodies[parameter.body()]);
+        let (node, body) = (&work.data.tree.nodes[parameter.body()], &work.tables.bodies[parameter.body()]);
         let [velocity, acceleration] =
             [&body.velocity, &body.acceleration].map(|motion| node.pose.inverse_motion(motion));
         Some(-(change.times(&acceleration) + velocity.cross_force(&change.times(&velocity))))
@@ -113,7 +113,7 @@ impl Model {
     ) -> (Vector3<f64>, [Motion<f64>; 2]) {
         match self.bodies[body].parent {
             Some(parent) => {
-                let carrier = &work.bodies[parent];
+                let carrier = &work.tables.bodies[parent];
                 let turn = &work.data.tree.nodes[parent].pose.rotation;
                 (turn * direction, [carrier.velocity, carrier.acceleration])
             }
@@ -132,7 +132,7 @@ impl Model {
         let (way, [velocity, acceleration]) = self.placed(work, body, direction);
         let (spin, turn) = (velocity.angular, acceleration.angular);
         let gained = Motion::new(turn.cross(&way) + spin.cross(&spin.cross(&way)), Vector3::zeros());
-        let DerivativeData { data, bodies, gathered, .. } = work;
+        let DerivativeData { data, tables: DerivativeTables { bodies, .. }, gathered, .. } = work;
         let TreeData { nodes, columns, torque: found, .. } = &mut data.tree;
         found.fill(0.0);
         for i in body..self.bodies.len() {

@@ -5,7 +5,7 @@
 //! f̄ᵢ += (Vᵢ − V_λ) ×* ḡᵢ,   ξ̄_k = S_k · f̄ᵢ,   δv̄_k = S_k · ḡᵢ,   f̄_λ += f̄ᵢ,   ḡ_λ += ḡᵢ.
 //! ```
 
-use super::DerivativeData;
+use super::{DerivativeData, DerivativeTables};
 use crate::articulated::{Roles, Split};
 use crate::data::{Data, TreeData};
 use crate::model::Model;
@@ -26,7 +26,7 @@ impl Model {
         room: &mut [Pulled],
         (way, rate): (&mut [f64], &mut [f64]),
     ) {
-        let DerivativeData { data, bodies, gathered, .. } = work;
+        let DerivativeData { data, tables: DerivativeTables { bodies, .. }, gathered, .. } = work;
         let TreeData { nodes, columns, torque: by_way, acceleration: by_rate, .. } = &mut data.tree;
         for ((out, covector), (node, body)) in
             room.iter_mut().zip(covectors).zip(nodes.iter().zip(bodies.iter()))
@@ -92,12 +92,12 @@ impl Model {
         let column =
             |matrix: &'_ nalgebra::DMatrix<f64>, k: usize| of_passive(&matrix.as_slice()[k * n..][..n]);
         for k in 0..n {
-            way[k] += column(&work.forward.q, k);
-            rate[k] += column(&work.forward.v, k);
+            way[k] += column(&work.tables.forward.q, k);
+            rate[k] += column(&work.tables.forward.v, k);
             (torque[k], given[k]) = if is_active(k) {
                 (0.0, covector[k] + column(&work.input, k))
             } else {
-                (column(&work.response, k), 0.0)
+                (column(&work.tables.response, k), 0.0)
             };
         }
     }

@@ -50,7 +50,7 @@ impl<T: Scalar> Flight<'_, T> {
             let outer = velocity + nodes[parent].velocity;
             let carried = node.momentum + node.inertia.times(&velocity);
             for k in body.dofs.clone() {
-                let column = self.model.directions[k].seen_from(&node.pose);
+                let column = self.model.directions[k].seen_from((), &node.pose);
                 let change = column.cross_force(&carried) - node.inertia.times(&column.cross(&outer));
                 by_shape[k - self.n_root()] = answer(change);
                 by_shape_velocity[k - self.n_root()] = answer(node.inertia.times(&column));

@@ -193,11 +193,8 @@ impl Model {
     ///        [2.5, 1. ]])
     fn mass_matrix<'py>(&self, py: Python<'py>, q: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         let (q, n) = (self.q("q", q)?, self.model.n_velocities());
-        let m = self.map(py, [&q], n * n, |w, [q], out| {
-            // Symmetric, so that the order does not matter.
-            out.copy_from_slice(self.model.mass_matrix(&mut w.data, q)?.as_slice());
-            Ok(())
-        })?;
+        let m =
+            self.map_lanes(py, [&q], n * n, |data, [q], out| self.model.mass_matrix_many(data, q, out))?;
         Ok(m.array(py, &[n, n])?)
     }
 
@@ -225,9 +222,9 @@ impl Model {
         v: &Bound<'py, PyAny>,
     ) -> Result<Bound<'py, PyAny>, Error> {
         let (q, v, n) = (self.q("q", q)?, self.v("v", v)?, self.model.n_velocities());
-        let h = self.map(py, [&q, &v], n, |w, [q, v], out| {
-            out.copy_from_slice(self.model.bias(&mut w.data, q, v)?);
-            Ok(())
+        let at_rest = vec![0.0; n];
+        let h = self.map_lanes(py, [&q, &v], n, |data, [q, v], out| {
+            self.model.inverse_dynamics_many(data, q, v, &at_rest, &[], out)
         })?;
         Ok(h.array(py, &[n])?)
     }

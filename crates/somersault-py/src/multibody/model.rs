@@ -8,7 +8,9 @@ use crate::multibody::link::Link;
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PySlice, PyType};
 use somersault::integrators::nalgebra::{DMatrix, Quaternion, UnitQuaternion, Vector3};
-use somersault::multibody::{self, Data, DerivativeData, DynamicsError, Force, JointKind, LaneData, Turning};
+use somersault::multibody::{
+    self, Data, DerivativeData, DynamicsError, Force, JointKind, LaneData, LaneDerivativeData, Turning,
+};
 use std::f64::consts::PI;
 use std::ops::Range;
 
@@ -23,6 +25,7 @@ pub(crate) struct Workspace {
     /// Made when they are first needed.
     pub(crate) derivatives: Option<DerivativeData>,
     lanes: Option<LaneData>,
+    lane_derivatives: Option<LaneDerivativeData>,
 }
 
 impl Workspace {
@@ -33,6 +36,7 @@ impl Workspace {
             jacobian: DMatrix::zeros(6, model.n_velocities()),
             derivatives: None,
             lanes: None,
+            lane_derivatives: None,
         }
     }
 
@@ -48,8 +52,8 @@ impl Workspace {
 ///
 /// Every function takes one configuration or many: where arguments have an axis in front, the result has it
 /// too, and arguments without it stand for all. Many are computed in parallel while other Python threads
-/// run, and each as it would be alone, to the last bit; of inverse and forward dynamics several at a time in
-/// vector instructions. Arrays of float64 in the order of C are read in place.
+/// run, and each as it would be alone, to the last bit; of inverse and forward dynamics, their partial derivatives, the
+/// mass matrix and the bias several at a time in vector instructions. Arrays of float64 in the order of C are read in place.
 ///
 /// q has `n_positions` numbers, v, accelerations and joint forces `n_velocities`, by joints in the order of
 /// the bodies (see `Link`). Velocities of a joint are in the axes of its body, linear before angular.
@@ -169,10 +173,36 @@ impl Model {
         length: usize,
         evaluate: impl Fn(&mut LaneData, [&[f64]; N], &mut [f64]) -> Result<(), DynamicsError> + Sync,
     ) -> Result<Results, Error> {
+        self.map_rows(py, arguments, length, |w, numbers, out| {
+            evaluate(w.lanes.get_or_insert_with(|| LaneData::new(&self.model)), numbers, out)
+        })
+    }
+
+    /// The same with a workspace for partials, whose rows have a result and its three matrices.
+    pub(crate) fn map_partials<const N: usize>(
+        &self,
+        py: Python<'_>,
+        arguments: [&Rows<'_>; N],
+        evaluate: impl Fn(&mut LaneDerivativeData, [&[f64]; N], &mut [f64]) -> Result<(), DynamicsError> + Sync,
+    ) -> Result<Results, Error> {
+        let n = self.model.n_velocities();
+        self.map_rows(py, arguments, n + 3 * n * n, |w, numbers, out| {
+            let work = w.lane_derivatives.get_or_insert_with(|| LaneDerivativeData::new(&self.model));
+            evaluate(work, numbers, out)
+        })
+    }
+
+    /// Evaluates blocks of rows.
+    fn map_rows<const N: usize>(
+        &self,
+        py: Python<'_>,
+        arguments: [&Rows<'_>; N],
+        length: usize,
+        evaluate: impl Fn(&mut Workspace, [&[f64]; N], &mut [f64]) -> Result<(), DynamicsError> + Sync,
+    ) -> Result<Results, Error> {
         let workspace = || Workspace::new(&self.model);
         let evaluate = |w: &mut Workspace, blocks: [Block<'_>; N], out: &mut [f64]| {
-            let lanes = w.lanes.get_or_insert_with(|| LaneData::new(&self.model));
-            evaluate(lanes, blocks.map(|block| block.numbers), out).map_err(|error| match error {
+            evaluate(w, blocks.map(|block| block.numbers), out).map_err(|error| match error {
                 DynamicsError::InState { index, source } => (index, *source),
                 error => (0, error),
             })

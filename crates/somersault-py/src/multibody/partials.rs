@@ -69,11 +69,8 @@ impl Model {
         let (q, v, a, wrenches) =
             (self.q("q", q)?, self.v("v", v)?, self.v("a", a)?, self.wrenches(wrenches)?);
         let n = self.model.n_velocities();
-        let found = self.map(py, [&q, &v, &a, &wrenches], n + 3 * n * n, |w, [q, v, a, f], out| {
-            w.take_wrenches(f);
-            let work = w.derivatives.get_or_insert_with(|| DerivativeData::new(&self.model));
-            write_all(&self.model.inverse_dynamics_partials(work, q, v, a, &w.wrenches)?, out);
-            Ok(())
+        let found = self.map_partials(py, [&q, &v, &a, &wrenches], |work, [q, v, a, f], out| {
+            self.model.inverse_dynamics_partials_many(work, q, v, a, f, out)
         })?;
         Ok(found.arrays(py, [&[n], &[n, n], &[n, n], &[n, n]])?.into())
     }
@@ -124,13 +121,9 @@ impl Model {
         let (q, v) = (self.q("q", q)?, self.v("v", v)?);
         let (torque, wrenches) = (self.v("torque", torque)?, self.wrenches(wrenches)?);
         let n = self.model.n_velocities();
-        let found =
-            self.map(py, [&q, &v, &torque, &wrenches], n + 3 * n * n, |w, [q, v, torque, f], out| {
-                w.take_wrenches(f);
-                let work = w.derivatives.get_or_insert_with(|| DerivativeData::new(&self.model));
-                write_all(&self.model.forward_dynamics_partials(work, q, v, torque, &w.wrenches)?, out);
-                Ok(())
-            })?;
+        let found = self.map_partials(py, [&q, &v, &torque, &wrenches], |work, [q, v, torque, f], out| {
+            self.model.forward_dynamics_partials_many(work, q, v, torque, f, out)
+        })?;
         Ok(found.arrays(py, [&[n], &[n, n], &[n, n], &[n, n]])?.into())
     }
 
