@@ -4,7 +4,7 @@ use super::identification::facing_of;
 use super::motion_fit::name_of;
 use super::phases::bounds;
 use super::reconstruction::ReconstructedFlight;
-use crate::core::convert::{a_type, array};
+use crate::core::convert::{a_type, array, integer_or_none};
 use crate::core::error::{Error, did_you_mean};
 use crate::core::value::{Pickled, by_restore, counted, value};
 use crate::core::waiting::leave_on_signal;
@@ -378,12 +378,15 @@ impl WhatIf {
 #[pyo3(signature = (flight, *, half_somersaults=None, facing=None, line_up=None, momentum_reach=None))]
 pub(crate) fn advise_flight(
     flight: &Bound<'_, ReconstructedFlight>,
-    half_somersaults: Option<i32>,
+    #[pyo3(from_py_with = integer_or_none)] half_somersaults: Option<i64>,
     facing: Option<&str>,
     line_up: Option<f64>,
     momentum_reach: Option<f64>,
 ) -> Result<FlightAdvice, Error> {
     let (py, own, side) = (flight.py(), flight.get(), facing_of(facing)?);
+    // what is beyond 32 bits is beyond what is allowed
+    let half_somersaults =
+        half_somersaults.map(|n| i32::try_from(n).unwrap_or(if n < 0 { i32::MIN } else { i32::MAX }));
     let model = own.markers.get().model.get().model.clone();
     let known = own.flight.clone();
     let default = Reach::default();
@@ -574,7 +577,7 @@ impl FlightAdvice {
     fn _restore(
         _: &Bound<'_, PyType>,
         flight: &Bound<'_, ReconstructedFlight>,
-        half_somersaults: Option<i32>,
+        half_somersaults: Option<i64>,
         facing: Option<&str>,
         line_up: f64,
         momentum: f64,
