@@ -300,6 +300,12 @@ def test_what_is_not_reconstructed_has_no_advice(tmp_path: Path) -> None:
         found.write(tmp_path / "page.txt")
 
 
+@pytest.mark.parametrize("number", [0, 12, 10**12, -(10**30)])
+def test_half_somersaults_that_no_dive_has_are_refused(number: int) -> None:
+    with pytest.raises(InputError, match="`half_somersaults` must be from 1 to 11, forwards positive"):
+        motion.advise_flight(flight(), half_somersaults=number)
+
+
 DOCUMENT = """model = "planar"
 mass = 62.0
 height = 1.66

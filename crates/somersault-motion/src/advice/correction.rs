@@ -178,7 +178,7 @@ pub fn advise_flight(
     expect_not_negative("line_up", reach.line_up)?;
     expect_range("momentum_reach", reach.momentum, "above 0 and at most 0.5", |x| x > 0.0 && x <= 0.5)?;
     if let Some(n) = half_somersaults
-        && !(1..=MOST).contains(&n.abs())
+        && !(1..=MOST.unsigned_abs()).contains(&n.unsigned_abs())
     {
         let (argument, allowed) = ("half_somersaults", "from 1 to 11, forwards positive");
         return Err(ArgumentError::OutOfRange { argument, allowed, found: f64::from(n) }.into());
