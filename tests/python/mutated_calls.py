@@ -460,6 +460,12 @@ class Late(BaseException):
     """Raised by the signal after `PATIENCE`."""
 
 
+def raised_by_a_callable(fault: BaseException) -> bool:
+    """Whether a function of the example raised it, given in the place of another: it is the caller's."""
+    frames = traceback.extract_tb(fault.__traceback__)
+    return bool(frames) and frames[-1].filename == "example"
+
+
 def outcome(number: int, found: list[Start]) -> tuple[str, str]:
     """What becomes of a call: a word, and more about it."""
     from somersault.errors import SomersaultError
@@ -492,7 +498,7 @@ def outcome(number: int, found: list[Start]) -> tuple[str, str]:
         word = "refused" if own else f"undocumented {type(fault).__name__}"
         more = str(fault)
     except BaseException as fault:
-        word = f"undocumented {type(fault).__name__}"
+        word = "refused" if raised_by_a_callable(fault) else f"undocumented {type(fault).__name__}"
         more = f"{fault} {traceback.format_exc()[-300:]}"
     if sent and (taken := time.monotonic() - sent[0]) > PROMPT:
         word, more = "not prompt", f"ended {taken:.1f} s after the signal"
