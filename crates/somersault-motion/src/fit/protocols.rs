@@ -342,7 +342,8 @@ mod tests {
             let markers = MarkerSet::on_diver(&Diver::planar(), protocol).unwrap();
             let mut found: Vec<&str> = markers.markers().iter().map(|marker| marker.name.as_str()).collect();
             let mut expected = names_of(n).unwrap().to_vec();
-            (found.sort_unstable(), expected.sort_unstable());
+            found.sort_unstable();
+            expected.sort_unstable();
             assert_eq!(found, expected);
         }
     }
