@@ -7,6 +7,7 @@ use somersault::dives::{Dive, DiveSearch, Range};
 use somersault::ftla::cold_start::ArmTravel;
 use somersault::ftla::continuation::Continuation;
 use somersault::ftla::shooting::Extremal;
+use somersault::integrators::methods::RungeKuttaMuntheKaas4;
 use somersault::motion::fit::{FitOptions, MarkerFit, MarkerSet};
 use somersault::motion::recording::MarkerRecording;
 use somersault::motion::scoring::{Performance, ScoringModel, ScoringOptions};
@@ -46,7 +47,7 @@ fn bodies_and_their_motions_come_back_to_the_bit() {
     let grid = TimeGrid::try_new(0.0, 0.5, 0.01).unwrap();
     let mut recorder = Recorder::new(0.0, &start, 1).with_dense_output();
     let system = RigidBodySystem::free(body);
-    Run::new(&system, Method::Rkmk, grid).observed_by(&mut recorder).from(&start).unwrap();
+    Run::by_stepper(&system, &RungeKuttaMuntheKaas4, grid).observed_by(&mut recorder).from(&start).unwrap();
     let motion = recorder.into_solution();
     let found = comes_back(&motion);
     assert_eq!((found.times, found.states), (motion.times, motion.states));
@@ -64,7 +65,7 @@ fn trees_and_their_motions_come_back_to_the_bit() {
     let system = TreeSystem::new(&found, ());
     let mut recorder = Recorder::<Coordinates>::new(0.0, &start, 1);
     let grid = TimeGrid::try_new(0.0, 0.05, 0.01).unwrap();
-    Run::new(&system, Method::Rkmk, grid).observed_by(&mut recorder).from(&start).unwrap();
+    Run::by_stepper(&system, &RungeKuttaMuntheKaas4, grid).observed_by(&mut recorder).from(&start).unwrap();
     let motion = recorder.into_solution();
     assert_eq!(comes_back(&motion).states, motion.states);
 }

@@ -268,7 +268,7 @@ fn copies_of_a_tree_move_as_each_does_alone() {
     for i in 0..5 {
         let system = TreeSystem::new(&model, forces(i));
         let start = model.state(&q[i * n_q..][..n_q], &v[i * n..][..n]).unwrap();
-        let alone = Run::new(&system, Method::Rkmk, grid).from(&start).unwrap().state;
+        let alone = Run::by_stepper(&system, &RungeKuttaMuntheKaas4, grid).from(&start).unwrap().state;
         let mut own = vec![0.0; n];
         model.joint_velocities(&alone, &mut own).unwrap();
         assert_eq!(&end.configuration.as_slice()[i * n_q..][..n_q], alone.configuration.as_slice(), "{i}");

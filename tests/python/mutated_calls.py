@@ -153,8 +153,8 @@ def extension() -> dict[str, Any]:
     return found
 
 
-def examples() -> Iterator[tuple[str, str]]:
-    """Names of things with examples, and their sources."""
+def examples(*, pages: bool) -> Iterator[tuple[str, str]]:
+    """Names of things with examples, and their sources; those on pages of the book where they are wanted."""
     parser = doctest.DocTestParser()
     for name, thing in sorted(extension().items()):
         members = [thing, *(vars(thing).values() if isinstance(thing, type) else ())]
@@ -174,7 +174,7 @@ def examples() -> Iterator[tuple[str, str]]:
             f"somersault{module}",
             "\n".join(one.source for part in text for one in parser.get_examples(part)),
         )
-    for page in (page for pattern in PAGES for page in sorted(ROOT.glob(pattern))):
+    for page in (page for pattern in PAGES if pages for page in sorted(ROOT.glob(pattern))):
         blocks = re.findall(r"^```(?: \{ \.)?python[^\n]*\n(.*?)^```$", page.read_text("utf-8"), re.M | re.S)
         yield (
             str(page.relative_to(ROOT)),
@@ -188,11 +188,11 @@ def examples() -> Iterator[tuple[str, str]]:
     yield "more", (Path(__file__).with_name("mutated_calls_more.py")).read_text("utf-8")
 
 
-def starts(slowest: float) -> list[Start]:
+def starts(slowest: float, *, pages: bool = True) -> list[Start]:
     """Every call of the examples that takes no longer than given, in a fixed order."""
     recorder = Recorder()
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
-        for _, source in examples():
+        for _, source in examples(pages=pages):
             recorder.run(source, {"__name__": "example"})
     found = [start for name in sorted(recorder.starts) for start in recorder.starts[name]]
     return [start for start in found if start.seconds <= slowest]

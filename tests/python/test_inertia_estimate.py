@@ -209,12 +209,7 @@ def test_no_success_is_false_for_more_records() -> None:
 def test_attitudes_are_taken_as_they_come() -> None:
     tumble = Tumble(14, n=30)
     ratios = tumble.estimate().ratios
-    for form in (
-        tumble.seen.as_quat(),
-        -tumble.seen.as_quat(),
-        tumble.seen.as_matrix(),
-        tumble.seen.as_quat().tolist(),
-    ):
+    for form in ((-tumble.seen.as_quat()).tolist(), tumble.seen.as_matrix()):
         found = motion.estimate_inertia(tumble.t.tolist(), form)
         np.testing.assert_allclose(found.ratios, ratios, atol=1e-8)
     shifted = motion.estimate_inertia(tumble.t + 1e6, tumble.seen)

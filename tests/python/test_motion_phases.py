@@ -14,11 +14,11 @@ T = np.arange(0.0, 2.4, 0.01)
 
 
 @cache
-def heights() -> Any:
+def heights(noise: float = 0.01) -> Any:
     """Rest, a push from 0.5 to 0.8 s, a flight of 1 s, water."""
     force = np.interp(T, [0.5, 0.55, 0.74, 0.8, 1.8, 1.9], [1.0, 2.7, 2.7, 0.0, 0.0, 4.0])
     speed = np.cumsum(9.81 * (force - 1.0)) * 0.01
-    return np.cumsum(speed) * 0.01 + np.random.default_rng(1).normal(0.0, 0.01, len(T))
+    return np.cumsum(speed) * 0.01 + np.random.default_rng(1).normal(0.0, noise, len(T))
 
 
 @cache
@@ -64,7 +64,7 @@ def test_markers_show_it_with_a_model_and_without() -> None:
     diver = multibody.diver_planar()
     markers = motion.MarkerSet.joint_centres(diver.model)
     q = np.tile(diver.configuration("A"), (len(T), 1))
-    q[:, 1] = heights()
+    q[:, 1] = heights(noise=0.002)
     placed = motion.place_markers(markers, T, q)
     for found in (motion.find_flight(placed), motion.find_flight(placed, markers=markers)):
         assert found.success and abs(found.take_off - 0.8) < 0.03 and abs(found.entry - 1.8) < 0.03
