@@ -73,7 +73,8 @@ def test_pickles_and_dicts_hold_all_of_it() -> None:
 
 
 def test_without_a_success_there_is_no_number() -> None:
-    still = motion.place_markers(MARKERS, flight().times, np.tile(STRAIGHT, (len(flight()), 1)))
+    times = flight().times[: len(flight()) // 3]
+    still = motion.place_markers(MARKERS, times, np.tile(STRAIGHT, (len(times), 1)))
     points = still.points + np.random.default_rng(1).normal(0.0, 0.01, still.points.shape)
     seen = motion.MarkerRecording(still.names, still.times, points)
     found = motion.identify_flight(motion.reconstruct_flight(MARKERS, seen, max_iterations=5))
