@@ -399,7 +399,7 @@ fn costs_are_exact_and_certified() {
 }
 
 #[test]
-#[ignore = "long form of costs_are_exact_and_certified: meshes of 40 and 80 intervals; `make studies` runs it"]
+#[ignore = "long form of costs_are_exact_and_certified, 10 s: meshes of 40 and 80 intervals; `make studies` runs it"]
 fn costs_are_exact_and_certified_on_all_meshes() {
     [40, 80].into_iter().for_each(check_all);
 }

@@ -1,4 +1,4 @@
-"""A sample of calls with wrong arguments; `make mutate` makes 30,000 of them, those on the pages of the book too."""
+"""A sample of calls with wrong arguments; `make mutate` makes 30,000, of the pages of the book too."""
 
 import os
 import sys

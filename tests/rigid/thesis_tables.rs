@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 use somersault::integrators::driver::Flow;
-use somersault::integrators::force::ForceModel;
+use somersault::integrators::force::{BoxedForce, ForceModel};
 use somersault::integrators::state::{Configuration, Rate};
 use somersault::integrators::stepper::{Scope, StepError, Variables};
 use somersault::integrators::studies::energy::{
