@@ -101,10 +101,10 @@ def cluster() -> Iterator[Any]:
         yield found
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def doomed_cluster() -> Iterator[Any]:
-    """One whose processes may be killed; after dozens of deaths Dask starts no others, and few die here."""
-    # Dask has all of its settings once this is imported. Tasks are not tried again.
+    """One whose processes may be killed; after dozens of deaths Dask starts no others."""
+    # Dask has all of its settings once this is imported. Tasks are not tried again: few processes die.
     pytest.importorskip("distributed", reason="Dask is not installed (extra `dask`)")
     import dask.config
 
