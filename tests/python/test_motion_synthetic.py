@@ -8,9 +8,13 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+import somersault
 from somersault import errors, motion, multibody, ocp
 
 Array = NDArray[np.float64]
+
+#: 5174D, as the search has found it.
+DIVE = Path(__file__).parents[2] / "python" / "notebooks" / "dive_5174d.som"
 
 
 @pytest.fixture(scope="module")
@@ -31,6 +35,38 @@ def markers(dive: ocp.DiveSolution) -> motion.MarkerSet:
 @pytest.fixture(scope="module")
 def made(flight: motion.SyntheticFlight, markers: motion.MarkerSet) -> motion.SyntheticSet:
     return motion.SyntheticSet(flight, markers, n_dives=24, seed=1)
+
+
+def about(q: Array, axis: Array) -> float:
+    """How far the root turns about an axis, rad: the parts of its steps along it, added up."""
+    rotations = Rotation.from_quat(q[:, 3:7])
+    return float(np.sum((rotations[1:] * rotations[:-1].inv()).as_rotvec() @ axis))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"wobble": 0.1},
+        {"wobble": 0.1, "wobble_phase": 2.1},
+        {"wobble": 0.1, "wobble_phase": 4.2},
+        {"wobble": 0.2, "wobble_phase": 2.1},
+        {"asymmetry": -0.3},
+        {"asymmetry": 0.3},
+        {"over_rotation": 0.8},
+    ],
+)
+def test_a_twisting_dive_is_perturbed_where_its_rotation_is_not_monotonic_in_the_momentum(
+    change: dict[str, float],
+) -> None:
+    found = somersault.load(DIVE)
+    flight = motion.SyntheticFlight(multibody.diver_spatial().model, found.t[::14], found.q[::14])
+    plain, changed = (flight.perturb(motion.Perturbation(**some)) for some in ({}, change))
+    axis = plain.angular_momentum / np.linalg.norm(plain.angular_momentum)
+    assert np.linalg.norm(np.cross(axis, changed.angular_momentum)) < 1e-12 * np.linalg.norm(
+        changed.angular_momentum
+    )
+    turns = [about(np.asarray(one.q), axis) for one in (plain, changed)]
+    assert turns[1] - turns[0] == pytest.approx(change.get("over_rotation", 0.0), abs=1e-8)
 
 
 class TestSyntheticDives:

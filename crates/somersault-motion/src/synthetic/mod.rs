@@ -79,8 +79,13 @@ pub enum SyntheticError {
     #[error("the flight has no angular momentum that could be changed")]
     NoMomentum,
     /// No angular momentum was found that turns the root as far as requested.
-    #[error("no angular momentum leads to the rotation requested; the best misses it by {miss} rad")]
+    #[error(
+        "no angular momentum that differs from the flight's by a factor of 1 ± {reach} was found to lead to the rotation requested; the best \
+         of those tried misses it by {miss} rad"
+    )]
     NotAimed {
+        /// How far the factors that were tried are from 1.
+        reach: f64,
         /// What is missing, rad.
         miss: f64,
     },
