@@ -53,6 +53,8 @@ def about(q: Array, axis: Array) -> float:
         {"asymmetry": -0.3},
         {"asymmetry": 0.3},
         {"over_rotation": 0.8},
+        {"over_rotation": -10.0},
+        {"over_rotation": 20.0},
     ],
 )
 def test_a_twisting_dive_is_perturbed_where_its_rotation_is_not_monotonic_in_the_momentum(
