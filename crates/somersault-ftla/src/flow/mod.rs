@@ -292,7 +292,7 @@ impl<'a, S: VectorField> VariationalFlow<'a, S> {
     /// p(T), without Φ.
     pub fn state(&self, p: &DVector<f64>, duration: f64) -> Result<DVector<f64>, FlowError> {
         let mut kernel = self.kernel::<false>(p, duration)?;
-        kernel.run(duration, nothing)?;
+        kernel.run(duration, None)?;
         Ok(kernel.point())
     }
 
@@ -308,7 +308,7 @@ impl<'a, S: VectorField> VariationalFlow<'a, S> {
         duration: f64,
     ) -> Result<(Transition, Work), FlowError> {
         let mut kernel = self.kernel::<true>(p, duration)?;
-        kernel.run(duration, nothing)?;
+        kernel.run(duration, None)?;
         Ok((Transition { duration, end: kernel.point(), matrix: kernel.matrix() }, kernel.work))
     }
 
@@ -392,7 +392,7 @@ impl<'a, S: VectorField> VariationalFlow<'a, S> {
         let mut kernel = self.kernel::<false>(p, duration)?;
         kernel.stops_at_switches = true;
         let mut found = Vec::new();
-        while kernel.advance(duration, f64::INFINITY, nothing)? == Progress::Switched {
+        while kernel.advance(duration, f64::INFINITY, None)? == Progress::Switched {
             found.push((kernel.t, kernel.piece.clone()));
         }
         Ok(found)
@@ -424,17 +424,12 @@ impl<'a, S: VectorField> VariationalFlow<'a, S> {
     }
 }
 
-/// The integrand of runs without a cost: a closure for each of them would have each compiled again.
-fn nothing(_: &Piece, _: &[f64]) -> f64 {
-    0.0
-}
-
 impl<S: OptimalControlSystem> VariationalFlow<'_, S> {
     /// p(T) and the cost ∫ ℓ(p, u*) dt on the way, by the weights of the step and to the tolerance of the state;
     /// backward in time the cost is negative.
     pub fn cost(&self, p: &DVector<f64>, duration: f64) -> Result<(DVector<f64>, f64), FlowError> {
         let mut kernel = self.kernel::<false>(p, duration)?;
-        kernel.run(duration, |piece, p| self.system.running_cost_in(piece, p))?;
-        Ok((kernel.point(), kernel.integral))
+        kernel.run(duration, Some(&|piece, p| self.system.running_cost_in(piece, p)))?;
+        Ok((kernel.point(), kernel.integral()))
     }
 }

@@ -54,7 +54,7 @@ impl fmt::Display for ExponentConvergence {
             Self::Converged => f.write_str("the exponents have converged"),
             Self::Power { number, power } => write!(
                 f,
-                "no exponent is a rate: the stretch of exponent {number} is like T^{power:.2}, so that it falls like ln T/T to zero"
+                "no exponent is a rate: the stretch of exponent {number} grows like T to the power {power:.2}, so that it falls like ln T/T to zero"
             ),
             Self::Unknown { number, why } => write!(f, "exponent {number} {why}"),
             Self::Error { number, error, allowed } => {

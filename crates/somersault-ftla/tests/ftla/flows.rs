@@ -121,7 +121,7 @@ fn growth_like_a_power_is_never_called_a_rate() {
         "{}",
         found.convergence
     );
-    assert!(found.convergence.to_string().contains("T^1.00"), "{}", found.convergence);
+    assert!(found.convergence.to_string().contains("T to the power 1.00"), "{}", found.convergence);
     // so does the phase of a pendulum, with oscillations on top
     let system = pendulum();
     for duration in [500.0, 2000.0, 5000.0] {

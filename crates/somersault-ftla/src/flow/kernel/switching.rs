@@ -192,8 +192,8 @@ impl<S: VectorField, const MATRIX: bool> Kernel<'_, S, MATRIX> {
     /// The state alone of the step of `h` from here, and what has been seen of the margins.
     fn state_step(&mut self, h: f64) -> (StateStep<'_>, &mut Seen) {
         let Watch { seen, scratch } = &mut self.watch;
-        let (system, piece, tableau, t) = (self.system, &self.piece, self.tableau, self.t);
-        let (state, slope, next) = (&self.state, &self.slopes[..self.n], &self.next);
+        let (system, piece, t, x) = (self.system, &self.piece, self.t, &self.numbers);
+        let (tableau, state, slope, next) = (x.tableau, &x.state, &x.slopes[..x.n], &x.next);
         (StateStep { system, piece, tableau, t, state, slope, next, h, scratch }, seen)
     }
 }
