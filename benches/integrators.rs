@@ -4,6 +4,7 @@
 //! `cargo bench --bench integrators`; criterion reports the time of one element, which is one step.
 
 use criterion::{Criterion, Throughput, criterion_group};
+use somersault::integrators::counted::Counted;
 use somersault::integrators::stepper::Scope;
 use somersault::integrators::studies::problem::Case;
 use somersault::integrators::studies::silent;
@@ -49,6 +50,7 @@ fn work_precision_table() {
         println!("\nleast time in ms to an orientation error after 10 s, thesis 7.2.1 case {case:?}");
         println!("{:20}{:>10.0e}{:>10.0e}{:>10.0e}{:>10.0e}", "", ERRORS[0], ERRORS[1], ERRORS[2], ERRORS[3]);
         let problem = case.problem().expect("a case of the thesis");
+        let counted = Counted::new(problem.system());
         for method in Method::ALL {
             let mut rows = vec![(method.to_string(), &steps)];
             if method.info().embedded.is_some() {
@@ -60,7 +62,7 @@ fn work_precision_table() {
                     .iter()
                     .filter_map(|choice| {
                         let options = Options::default();
-                        work_precision(&problem, method, options, &[*choice], 2, &mut silent).ok()
+                        work_precision(&problem, &counted, method, options, &[*choice], 2, &mut silent).ok()
                     })
                     .flatten()
                     .collect();

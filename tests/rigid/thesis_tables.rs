@@ -4,6 +4,7 @@
 //! reproduce is listed where it is left out, with the reason.
 
 use rayon::prelude::*;
+use somersault::integrators::counted::Counted;
 use somersault::integrators::driver::Flow;
 use somersault::integrators::force::{BoxedForce, ForceModel};
 use somersault::integrators::state::{Configuration, Rate};
@@ -19,7 +20,9 @@ use somersault::integrators::studies::stability::{
     Lambda, StabilityRegion, raster, raster_of, spectral_radius, spectral_radius_of, stability_region,
     stability_region_of,
 };
-use somersault::integrators::studies::work_precision::{StepChoice, work_precision, work_precision_of};
+use somersault::integrators::studies::work_precision::{
+    StepChoice, WorkPoint, work_precision, work_precision_of,
+};
 use somersault::integrators::studies::{StudyError, silent};
 use somersault::integrators::system::{StateOf, System};
 use somersault::prelude::*;
@@ -479,14 +482,22 @@ fn inertia_of_the_thesis_cases() {
     }
 }
 
+fn worked(
+    problem: &Problem<RigidBodySystem>,
+    method: Method,
+    choices: &[StepChoice],
+    repeats: usize,
+) -> Result<Vec<WorkPoint>, StudyError> {
+    let counted = Counted::new(problem.system());
+    work_precision(problem, &counted, method, Options::default(), choices, repeats, &mut silent)
+}
+
 #[test]
 fn work_precision_counts_evaluations_and_steps() {
     let problem = Case::One.problem().unwrap();
     for m in Method::ALL {
         let info = m.info();
-        let points =
-            work_precision(&problem, m, Options::default(), &[StepChoice::Fixed(0.01)], 1, &mut silent)
-                .unwrap();
+        let points = worked(&problem, m, &[StepChoice::Fixed(0.01)], 1).unwrap();
         let [point] = points[..] else { panic!("{points:?}") };
         assert_eq!((point.steps, point.rejected), (1000, 0), "{}", info.name);
         // Start-up takes no more than a few evaluations per remembered step.
@@ -504,9 +515,7 @@ fn work_precision_counts_evaluations_and_steps() {
         let problem = case.problem().unwrap();
         let error = |m: Method| {
             let choice = [StepChoice::Fixed(1e-3)];
-            work_precision(&problem, m, Options::default(), &choice, 1, &mut silent).unwrap()[0]
-                .errors
-                .orientation
+            worked(&problem, m, &choice, 1).unwrap()[0].errors.orientation
         };
         let best = error(Method::Rkmk);
         for (name, ..) in TABLE_6_2.iter().filter(|row| row.0 != "rkmk") {
@@ -520,7 +529,7 @@ fn work_precision_adapts_where_a_method_can() {
     let problem = Case::Three.problem().unwrap();
     for m in Method::ALL {
         let choices = [StepChoice::Tolerance(1e-4), StepChoice::Tolerance(1e-7)];
-        let points = work_precision(&problem, m, Options::default(), &choices, 1, &mut silent);
+        let points = worked(&problem, m, &choices, 1);
         if !m.info().is_adaptive() {
             assert!(matches!(points, Err(StudyError::Integrate(_))));
             continue;
@@ -636,7 +645,8 @@ fn each_study_takes_a_stepper_of_ones_own() {
     let dts = halved(0.01, 5);
     let orders = convergence_of(&problem, &Ralston, &dts, &mut silent).unwrap().orders;
     assert_order(orders.orientation, 2.0, "Ralston");
-    let points = work_precision_of(&problem, &Ralston, &dts, 1, &mut silent).unwrap();
+    let points =
+        work_precision_of(&problem, &Counted::new(problem.system()), &Ralston, &dts, 1, &mut silent).unwrap();
     assert_eq!(points.iter().map(|p| p.evaluations).collect::<Vec<_>>(), [1000, 2000, 4000, 8000, 16000]);
 }
 
@@ -681,9 +691,7 @@ fn bad_arguments_are_named() {
         StudyError::Argument(ArgumentError::NotPositive { argument: "dts", .. })
     ));
     assert!(matches!(dts(&[1e-300]), StudyError::Integrate(_)));
-    let work = |choices: &[StepChoice]| {
-        work_precision(&problem, Method::Euler, Options::default(), choices, 0, &mut silent).unwrap_err()
-    };
+    let work = |choices: &[StepChoice]| worked(&problem, Method::Euler, choices, 0).unwrap_err();
     assert_eq!(work(&[]), StudyError::Empty { argument: "choices" });
     assert!(matches!(
         work(&[StepChoice::Fixed(0.0)]),

@@ -7,7 +7,8 @@
 //! # What is counted
 //! An evaluation is one call for the accelerations or the wrenches of all bodies, start-up included. A free
 //! body is counted as if it were under forces; a method that then still asks for none counts the evaluations
-//! of its INFO per step. Counts are of a run of their own, so that the time is that of the bare run.
+//! of its INFO per step. Counts are of a run of their own, by a [`Counted`] system with the equations of the problem, so
+//! that the time is that of the bare run.
 //!
 //! # What is timed
 //! The wall time of the integration alone, the least of `repeats` runs one after the other on the calling
@@ -64,24 +65,29 @@ pub struct WorkPoint {
     pub seconds: f64,
 }
 
-/// Runs a problem by a method of the table with each of the choices.
+/// Runs a problem by a method of the table with each of the choices; `counted` is the system of the problem once more,
+/// `Counted::new(problem.system())` or another type with the same equations, whose evaluations are counted.
 ///
 /// Errors: an empty list, a step or tolerance that is not positive, a tolerance for a method without error
 /// estimate, a method that does not apply, and a stop by `progress`, which is called after each choice.
 /// `repeats` of 0 is taken as 1.
-pub fn work_precision<S: RigidSystem>(
+pub fn work_precision<S, C>(
     problem: &Problem<S>,
+    counted: &Counted<C>,
     method: Method,
     options: Options,
     choices: &[StepChoice],
     repeats: usize,
     progress: &mut Progress<'_>,
-) -> Result<Vec<WorkPoint>, StudyError> {
-    let counted = Counted::new(problem.system());
-    let bench = Bench { problem, counted: &counted, nominal: method.info().evaluations, repeats };
+) -> Result<Vec<WorkPoint>, StudyError>
+where
+    S: RigidSystem,
+    C: RigidSystem<Configuration = S::Configuration>,
+{
+    let bench = Bench { problem, counted, nominal: method.info().evaluations, repeats };
     bench.run(choices, progress, &|steps, counting| {
         if counting {
-            Run::new(&counted, method, steps).with_options(options).from(problem.initial())
+            Run::new(counted, method, steps).with_options(options).from(problem.initial())
         } else {
             Run::new(problem.system(), method, steps).with_options(options).from(problem.initial())
         }
@@ -89,8 +95,9 @@ pub fn work_precision<S: RigidSystem>(
 }
 
 /// As [`work_precision`], by a stepper with steps of fixed sizes `dts`.
-pub fn work_precision_of<S, M>(
+pub fn work_precision_of<S, C, M>(
     problem: &Problem<S>,
+    counted: &Counted<C>,
     stepper: &M,
     dts: &[f64],
     repeats: usize,
@@ -98,28 +105,28 @@ pub fn work_precision_of<S, M>(
 ) -> Result<Vec<WorkPoint>, StudyError>
 where
     S: RigidSystem,
-    M: Stepper<S> + for<'a> Stepper<Counted<&'a S>>,
+    C: RigidSystem<Configuration = S::Configuration>,
+    M: Stepper<S> + Stepper<Counted<C>>,
 {
-    let counted = Counted::new(problem.system());
     let choices: Vec<_> = dts.iter().map(|dt| StepChoice::Fixed(*dt)).collect();
-    let bench = Bench { problem, counted: &counted, nominal: M::INFO.evaluations, repeats };
+    let bench = Bench { problem, counted, nominal: M::INFO.evaluations, repeats };
     bench.run(&choices, progress, &|steps, counting| {
         if counting {
-            Run::by_stepper(&counted, stepper, steps).from(problem.initial())
+            Run::by_stepper(counted, stepper, steps).from(problem.initial())
         } else {
             Run::by_stepper(problem.system(), stepper, steps).from(problem.initial())
         }
     })
 }
 
-struct Bench<'a, S: RigidSystem> {
+struct Bench<'a, S: RigidSystem, C> {
     problem: &'a Problem<S>,
-    counted: &'a Counted<&'a S>,
+    counted: &'a Counted<C>,
     nominal: u8,
     repeats: usize,
 }
 
-impl<S: RigidSystem> Bench<'_, S> {
+impl<S: RigidSystem, C> Bench<'_, S, C> {
     /// `go` integrates with steps, the counted system or the bare one.
     fn run(
         &self,

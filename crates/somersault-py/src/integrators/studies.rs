@@ -13,6 +13,7 @@ use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList, PyTuple, PyType};
 use somersault::integrators::body;
+use somersault::integrators::counted::Counted;
 use somersault::integrators::driver::Flow;
 use somersault::integrators::force::{self, BoxedForce};
 use somersault::integrators::methods::{Method, Options};
@@ -350,10 +351,21 @@ pub(crate) fn energy_study(
     Ok(EnergyStudy(study(py, move |progress| energy::energy(method, &setup, &bodies, progress))?))
 }
 
-/// The problems that can be chosen. Free bodies have a type of their own, as timings need it.
+/// The problems that can be chosen. Free bodies have a type of their own, as timings need it; bodies under forces have
+/// that of a run by `integrate`, since each type has the methods compiled for it.
 enum Chosen {
     Free(problem::Problem<RigidBodySystem>),
-    Forced(problem::Problem<RigidBodySystem<Vec<BoxedForce>>>, Models),
+    Forced(problem::Problem<Counted<RigidBodySystem<Vec<BoxedForce>>>>, RigidBody, Models),
+}
+
+impl Chosen {
+    /// The system once more, with a count of its own.
+    fn counted(&self) -> Counted<RigidBodySystem<Vec<BoxedForce>>> {
+        Counted::new(match self {
+            Self::Free(p) => RigidBodySystem::new(p.system().body, Vec::new()),
+            Self::Forced(_, body, models) => RigidBodySystem::new(body.0, models.boxed()),
+        })
+    }
 }
 
 /// A motion from t = 0 whose state at the end is known.
@@ -409,9 +421,9 @@ impl Problem {
                 Chosen::Free(problem::Problem::try_new(system, state.0, t_end, reference.0)?)
             }
             (Some(reference), false) => {
-                let system = RigidBodySystem::new(body.0, models.boxed());
+                let system = Counted::new(RigidBodySystem::new(body.0, models.boxed()));
                 let problem = problem::Problem::try_new(system, state.0, t_end, reference.0)?;
-                Chosen::Forced(problem, models)
+                Chosen::Forced(problem, body, models)
             }
         };
         Ok(Self(Arc::new(chosen)))
@@ -486,7 +498,7 @@ impl Problem {
     fn body(&self) -> RigidBody {
         match &*self.0 {
             Chosen::Free(p) => RigidBody(p.system().body),
-            Chosen::Forced(p, _) => RigidBody(p.system().body),
+            Chosen::Forced(_, body, _) => *body,
         }
     }
 
@@ -495,7 +507,7 @@ impl Problem {
     fn state(&self) -> State {
         match &*self.0 {
             Chosen::Free(p) => State(*p.initial()),
-            Chosen::Forced(p, _) => State(*p.initial()),
+            Chosen::Forced(p, ..) => State(*p.initial()),
         }
     }
 
@@ -504,7 +516,7 @@ impl Problem {
     fn reference(&self) -> State {
         match &*self.0 {
             Chosen::Free(p) => State(*p.reference()),
-            Chosen::Forced(p, _) => State(*p.reference()),
+            Chosen::Forced(p, ..) => State(*p.reference()),
         }
     }
 
@@ -513,7 +525,7 @@ impl Problem {
     fn t_end(&self) -> f64 {
         match &*self.0 {
             Chosen::Free(p) => p.t_end(),
-            Chosen::Forced(p, _) => p.t_end(),
+            Chosen::Forced(p, ..) => p.t_end(),
         }
     }
 
@@ -522,7 +534,7 @@ impl Problem {
     fn forces<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         match &*self.0 {
             Chosen::Free(_) => Ok(PyList::empty(py)),
-            Chosen::Forced(_, models) => models.to_python(py),
+            Chosen::Forced(.., models) => models.to_python(py),
         }
     }
 
@@ -674,7 +686,7 @@ pub(crate) fn convergence(
     let problem = Arc::clone(&problem.0);
     Ok(Convergence(study(py, move |progress| match &*problem {
         Chosen::Free(p) => order::convergence(p, method, options, &dts, progress),
-        Chosen::Forced(p, _) => order::convergence(p, method, options, &dts, progress),
+        Chosen::Forced(p, ..) => order::convergence(p, method, options, &dts, progress),
     })?))
 }
 
@@ -808,11 +820,13 @@ pub(crate) fn work_precision_study(
         (None, Some(t)) => real_numbers("tolerances", t)?.into_iter().map(StepChoice::Tolerance).collect(),
         _ => return Err(Error::input("one of `dts` and `tolerances` must be given")),
     };
-    let problem = Arc::clone(&problem.0);
+    let (problem, counted) = (Arc::clone(&problem.0), problem.0.counted());
     Ok(WorkPrecision(study(py, move |progress| match &*problem {
-        Chosen::Free(p) => work_precision::work_precision(p, method, options, &choices, repeats, progress),
-        Chosen::Forced(p, _) => {
-            work_precision::work_precision(p, method, options, &choices, repeats, progress)
+        Chosen::Free(p) => {
+            work_precision::work_precision(p, &counted, method, options, &choices, repeats, progress)
+        }
+        Chosen::Forced(p, ..) => {
+            work_precision::work_precision(p, &counted, method, options, &choices, repeats, progress)
         }
     })?))
 }
