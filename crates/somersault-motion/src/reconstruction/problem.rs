@@ -90,6 +90,15 @@ const LARGEST_TURN: f64 = 5.5;
 /// Mass that joints may carry which no marker sees, in fractions of the whole.
 const UNSEEN: f64 = 0.1;
 
+/// What was found from one of the references.
+struct Begun {
+    flight: ReconstructedFlight,
+    /// That which fits of single frames leave.
+    noise: Option<f64>,
+    /// Its fraction of the duration.
+    reference: f64,
+}
+
 impl FlightReconstruction {
     /// The flight of `model`, whose root has a free or a planar joint, with `markers`.
     pub fn try_new(
@@ -168,10 +177,14 @@ impl FlightReconstruction {
         let mut exchanges = Vec::new();
         let mut left = f64::INFINITY;
         let mut first: Option<ReconstructedFlight> = None;
+        let mut references = REFERENCES.to_vec();
         let mut round = 0;
         loop {
-            let (mut flight, noise) = self.flight_of(&fits, &repaired, n_intervals as usize, token)?;
+            let Begun { mut flight, noise, reference } =
+                self.flight_of(&fits, &repaired, n_intervals as usize, &references, token)?;
             flight.phase.clone_from(&phase);
+            // what the first round learns of references holds for the others: without it what is no flight takes twice as long
+            references = vec![reference];
             let sought = |left: f64| exchanged(&self.model, &self.markers, &flight, &recording, noise, left);
             let mut found = sought(left)?;
             let mut is_settled = found == exchanges;
@@ -199,22 +212,22 @@ impl FlightReconstruction {
         }
     }
 
-    /// The flight of frames that belong to it, from another reference where the search fails from the middle; and the noise that fits of single
-    /// frames leave.
+    /// The flight of frames that belong to it, from the next of the references where the search fails from the one before.
     fn flight_of(
         &self,
         fits: &FrameFits,
         recording: &MarkerRecording,
         n_intervals: usize,
+        references: &[f64],
         token: &CancellationToken,
-    ) -> Result<(ReconstructedFlight, Option<f64>), ReconstructionError> {
+    ) -> Result<Begun, ReconstructionError> {
         let times = recording.times();
         let fit = MarkerFit::try_new(&self.model, self.markers.clone(), crate::fit::FitOptions::default())?;
         let points = fit.targets(recording)?;
-        let mut best: Option<(ReconstructedFlight, Option<f64>)> = None;
-        for fraction in REFERENCES {
-            let reference = fits.reference(times, fraction);
-            let observed = Observed { times: times.to_vec(), reference, points: points.clone() };
+        let mut best: Option<Begun> = None;
+        for &reference in references {
+            let frame = fits.reference(times, reference);
+            let observed = Observed { times: times.to_vec(), reference: frame, points: points.clone() };
             let (flight, noise) = self.beginning_at(fits, &observed, n_intervals, token)?;
             let is_minimum = !matches!(
                 flight.status,
@@ -224,11 +237,11 @@ impl FlightReconstruction {
             let fits = flight.chi_squared.is_some_and(|x| (lower..=upper).contains(&x));
             // where residuals are those of the noise, no other start is a remedy
             if flight.status == ReconstructionStatus::Converged || is_minimum && fits {
-                return Ok((flight, noise));
+                return Ok(Begun { flight, noise, reference });
             }
             let misfit = |flight: &ReconstructedFlight| flight.chi_squared.unwrap_or(flight.noise.size);
-            if best.as_ref().is_none_or(|(best, _)| misfit(&flight) < misfit(best)) {
-                best = Some((flight, noise));
+            if best.as_ref().is_none_or(|best| misfit(&flight) < misfit(&best.flight)) {
+                best = Some(Begun { flight, noise, reference });
             }
         }
         best.ok_or(ReconstructionError::TooFewFrames { least: LEAST_FRAMES, found: 0 })

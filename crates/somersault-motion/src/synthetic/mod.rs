@@ -80,11 +80,11 @@ pub enum SyntheticError {
     NoMomentum,
     /// No angular momentum was found that turns the root as far as requested.
     #[error(
-        "no angular momentum that differs from the flight's by a factor of 1 ± {reach} was found to lead to the rotation requested; the best \
-         of those tried misses it by {miss} rad"
+        "no angular momentum from {} to {} times the flight's was found to lead to the rotation requested; the best of \
+         those tried misses it by {miss} rad", 1.0 - .reach, 1.0 + .reach
     )]
     NotAimed {
-        /// How far the factors that were tried are from 1.
+        /// How far the multiples that were tried are from 1.
         reach: f64,
         /// What is missing, rad.
         miss: f64,

@@ -50,8 +50,8 @@ pub struct SyntheticDive {
 const STEPS: u64 = 8;
 /// What rotation a momentum may miss, rad.
 const AIM_TOL: f64 = 1e-9;
-/// Secants to the momentum, at most, and the largest multiple of that of the flight which they may lead to. Then it is looked for at equal
-/// distances on both sides of 1: so far apart, and so many on each side.
+/// Secants to the momentum, at most, and the largest multiple of that of the flight which they may lead to. Then it is
+/// looked for at equal distances on both sides of 1: so far apart, and so many on each side.
 const SECANTS: usize = 30;
 const FURTHEST: f64 = 10.0;
 const APART: f64 = 0.02;
@@ -108,8 +108,11 @@ impl SyntheticFlight {
 
     /// The flight with this perturbation, whose angular momentum is a multiple of the flight's.
     ///
-    /// Of several multiples that turn the root as far it is the one that secants from 1 meet, or else the nearest to 1 that lies between two of
-    /// those at distances of 0.02, up to 0.4, which miss on different sides. Cost: some 30 000 evaluations of the flight for 60 frames where secants meet it, up to fifteen times as many where not.
+    /// Of several multiples that turn the root as far it is the one that secants from 1 meet, or else the nearest to 1 that
+    /// lies between two of those at distances of 0.02, up to 0.4, which miss on different sides.
+    ///
+    /// Cost: some 30 000 evaluations of the flight for 60 frames where secants meet it, up to fifteen times as many where
+    /// they do not.
     pub fn perturb(&self, perturbation: &Perturbation) -> Result<SyntheticDive, SyntheticError> {
         perturbation.validate()?;
         self.curve.expect_delay(perturbation.exit_delay)?;
