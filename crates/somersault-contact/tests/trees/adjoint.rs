@@ -1,9 +1,9 @@
 //! Gradients by the adjoint: those of the columns, to rounding.
 
-use crate::Torques;
 use crate::drops::tree;
 use crate::gradients::touching_links;
 use crate::parameters::{driven_leg, following_arm, knots};
+use crate::{Torques, passive};
 use nalgebra::{Matrix3, Vector3};
 use somersault_contact::contacts::Contact;
 use somersault_contact::laws::ContactLaw;
@@ -157,7 +157,8 @@ fn the_adjoint_of_links_that_touch_is_their_columns() {
         Parameter::Tree(TreeParameter::Placement(0, Vector3::new(0.2, 0.4, -1.0))),
     ]);
     let steps: Steps = TimeGrid::try_new(0.0, 0.25, 1e-3).unwrap().into();
-    let free = TreeInContact::try_new(TreeSystem::new(&model, ()), on_surfaces.to_vec(), vec![pair.clone()]);
+    let free =
+        TreeInContact::try_new(TreeSystem::new(&model, passive()), on_surfaces.to_vec(), vec![pair.clone()]);
     let (worst, events) = against_columns(&free.unwrap(), &start, &by, (Method::Rkmk8, steps));
     assert!(events > 4 && worst < 1e-10, "{events} {worst:e}");
     // Forces that depend on the state are differentiated by differences, of which each direction has its own rounding.
@@ -183,7 +184,7 @@ fn the_adjoint_of_random_trees_is_their_columns() {
             LinkContact::new(format!("c{i}"), format!("b{}", i % n), ball)
         };
         let contacts: Vec<_> = (0..n + 1).map(&mut contact).collect();
-        let system = TreeInContact::try_new(TreeSystem::new(&model, ()), contacts, vec![]).unwrap();
+        let system = TreeInContact::try_new(TreeSystem::new(&model, passive()), contacts, vec![]).unwrap();
         let mut q = model.neutral();
         model.displace(&model.neutral(), &random.numbers(model.n_velocities(), 1.0), &mut q).unwrap();
         let v = random.numbers(model.n_velocities(), 2.0);
@@ -212,7 +213,7 @@ fn the_adjoint_of_random_trees_is_their_columns() {
 #[test]
 fn the_adjoint_of_joints_that_follow_others_is_their_columns() {
     let (model, tip, start) = following_arm();
-    let system = TreeInContact::try_new(TreeSystem::new(&model, ()), vec![tip], vec![]).unwrap();
+    let system = TreeInContact::try_new(TreeSystem::new(&model, passive()), vec![tip], vec![]).unwrap();
     let by = Differentiation::by([
         Parameter::friction(0, "coefficient"),
         Parameter::JointForce(1),

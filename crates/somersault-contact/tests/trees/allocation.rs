@@ -1,5 +1,6 @@
 //! No allocation per step between events: the number of allocations of a run does not depend on its length.
 
+use crate::passive;
 use somersault_contact::models::HoppingLeg;
 use somersault_contact::sensitivity::{Differentiation, EndCost, Parameter, SensitivityRun};
 use somersault_contact::tree::TreeInContact;
@@ -15,7 +16,8 @@ use somersault_testkit::allocations::allocations;
 fn located_steps_of_a_tree_allocate_nothing_between_events() {
     let leg = HoppingLeg::example().unwrap().system().unwrap();
     let driven = leg.in_contact().unwrap();
-    let passive = TreeInContact::try_new(TreeSystem::new(&leg.model, ()), leg.contacts.clone(), vec![]);
+    let passive =
+        TreeInContact::try_new(TreeSystem::new(&leg.model, passive()), leg.contacts.clone(), vec![]);
     let passive = passive.unwrap();
     let flight = driven.unstretched(leg.start().unwrap());
     let grid = TimeGrid::try_new(0.0, 0.045, 1e-4).unwrap();

@@ -1,5 +1,6 @@
 //! A tree of one free body is a rigid body, and a tree of two is a pair: the same motions to rounding.
 
+use crate::passive;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use somersault_contact::bodies::{BodiesInContact, BodyContacts, BodySphere, SpherePair};
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
@@ -104,7 +105,7 @@ fn a_tree_of_one_body_is_that_body() {
         let named = named.map(|(k, c)| LinkContact::new(format!("c{k}"), "body", c.clone())).collect();
         let bodies = BodyInContact::new(body, (Gravity::earth(), Contacts::new(contacts)));
         let bodies = WithStretches(&bodies);
-        let tree = TreeInContact::try_new(TreeSystem::new(&model, ()), named, vec![]).unwrap();
+        let tree = TreeInContact::try_new(TreeSystem::new(&model, passive()), named, vec![]).unwrap();
         let (q, v) = coordinates(&start);
         let state = tree.unstretched(model.state(&q, &v).unwrap());
         for dt in [1e-3, 2e-3] {
@@ -159,7 +160,7 @@ fn a_pair_of_links_is_a_pair_of_bodies() {
     }
     let model = builder.build().unwrap();
     let links = LinkPair::try_new("touch", ("a", centres[0], 0.15), ("b", centres[1], 0.1), law).unwrap();
-    let tree = TreeInContact::try_new(TreeSystem::new(&model, ()), vec![], vec![links]).unwrap();
+    let tree = TreeInContact::try_new(TreeSystem::new(&model, passive()), vec![], vec![links]).unwrap();
     let of = |place: Vector3<f64>, velocity: Vector3<f64>, spin: Vector3<f64>| {
         RigidBodyState::new(place, UnitQuaternion::new(spin * 0.1), velocity, spin)
     };

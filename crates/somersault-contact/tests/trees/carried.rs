@@ -1,6 +1,6 @@
 //! Surfaces that bodies of the tree carry: boards, platforms, conveyors.
 
-use crate::RKMK8;
+use crate::{RKMK8, passive};
 use nalgebra::{Matrix3, Vector3};
 use somersault_contact::contacts::Contact;
 use somersault_contact::laws::ContactLaw;
@@ -60,7 +60,7 @@ fn a_surface_that_a_body_carries_at_rest_is_that_of_the_world() {
     let ground: Arc<dyn Surface> = Arc::new(HalfSpace::ground());
     let run = |base: Option<&str>| {
         let contacts = touches(ground.clone(), base);
-        let system = TreeInContact::try_new(TreeSystem::new(&model, ()), contacts, vec![]).unwrap();
+        let system = TreeInContact::try_new(TreeSystem::new(&model, passive()), contacts, vec![]).unwrap();
         let start = system.unstretched(model.state(&PLACE, &RATE).unwrap());
         let grid = TimeGrid::try_new(0.0, 0.4, 1e-3).unwrap();
         let run = Run::new(&system, Method::Rkmk8, grid).locating(Location::as_given());
@@ -105,7 +105,7 @@ fn what_a_body_carries_pushes_back() {
     let model = model(Joint::Free, 0.0);
     let ball = SphericalSurface::try_new(Vector3::new(0.0, 0.05, -0.5), 0.5, Solid::Inside).unwrap();
     let contacts = touches(Arc::new(ball), Some("carrier"));
-    let system = TreeInContact::try_new(TreeSystem::new(&model, ()), contacts, vec![]).unwrap();
+    let system = TreeInContact::try_new(TreeSystem::new(&model, passive()), contacts, vec![]).unwrap();
     let carrier = ([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], [0.1, 0.0, 0.3, 0.5, 0.9, -2.0]);
     let (q, v) = ([carrier.0, PLACE].concat(), [carrier.1, RATE].concat());
     let start = system.unstretched(model.state(&q, &v).unwrap());
@@ -136,7 +136,7 @@ fn energy_is_kept_on_a_board_that_turns() {
     let plane: Arc<dyn Surface> = Arc::new(HalfSpace::ground());
     let contact = Contact::try_new(Vector3::new(0.02, 0.0, -0.05), plane, law).unwrap();
     let contacts = vec![LinkContact::new("c", "body", contact).on("carrier")];
-    let system = TreeInContact::try_new(TreeSystem::new(&model, ()), contacts, vec![]).unwrap();
+    let system = TreeInContact::try_new(TreeSystem::new(&model, passive()), contacts, vec![]).unwrap();
     let carrier = ([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 0.0, 0.0, 0.0, 6.0]);
     // Pressed into the board, and turning with it.
     let (q, v) = (

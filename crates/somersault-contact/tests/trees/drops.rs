@@ -3,7 +3,7 @@
 //! A step whose contacts are all open at both ends is made again without contacts in short parts by another method, and the
 //! gaps are looked at in between.
 
-use crate::Torques;
+use crate::{Torques, passive};
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use somersault_contact::contacts::Contact;
@@ -83,7 +83,7 @@ pub(crate) fn tree(random: &mut Random, n: usize) -> Model {
 
 struct Watch<'a> {
     system: &'a TreeInContact<'a, Torques>,
-    free: &'a TreeSystem<'a>,
+    free: &'a TreeSystem<'a, Torques>,
     case: u64,
     last: f64,
     scale: f64,
@@ -200,7 +200,7 @@ fn drop_trees(seed: u64, cases: Range<u64>, (least, sizes): (usize, usize)) -> T
             let contact = Contact::try_ball(random.vector(0.2), 0.04, Arc::new(knob), law).unwrap();
             contacts.push(LinkContact::new("knob", "b2", contact).on("b0"));
         }
-        let free = TreeSystem::new(&model, ());
+        let free = TreeSystem::new(&model, passive());
         // Without torques steps are proved clear by the energy; under those of a closure the chain is bounded.
         let torques: Torques = if random.below(2) == 0 {
             Box::new(())

@@ -1,8 +1,8 @@
 //! Energy: kept without damping, and never created.
 
-use crate::Torques;
 use crate::scenes::{chain, chain_start};
 use crate::slider::LEG;
+use crate::{Torques, passive};
 use nalgebra::Vector3;
 use somersault_contact::contacts::Contact;
 use somersault_contact::laws::compliant::CompliantLaw;
@@ -25,7 +25,7 @@ fn energy_is_kept_without_damping() {
         LinkContact::new(name, link, contact)
     };
     let contacts = vec![of("hinge", "first", 0.0), of("tip 1", "first", 0.5), of("tip 2", "second", 0.4)];
-    let system = TreeInContact::try_new(TreeSystem::new(&model, ()), contacts, vec![]).unwrap();
+    let system = TreeInContact::try_new(TreeSystem::new(&model, passive()), contacts, vec![]).unwrap();
     let start = chain_start(&system);
     let steps = Steps::adapted((0.0, 2.0), Adaptive::with_tolerances(1e-12, 1e-12));
     let run = Run::new(&system, Method::Rkmk8, steps).locating(Location::default()).from(&start).unwrap();

@@ -1,7 +1,7 @@
 //! Derivatives of motions of trees through contacts: differences of runs, and the derivative of a body.
 
-use crate::Torques;
 use crate::scenes::{chain, chain_start};
+use crate::{RKMK8, Torques, passive};
 use nalgebra::{DMatrix, DVector, Matrix3, SMatrix, UnitQuaternion, Vector3};
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
 use somersault_contact::event::EventKind;
@@ -39,7 +39,7 @@ pub(crate) fn reached<F: TreeForces, D: JointDrive>(
     start: &TreeState,
     grid: TimeGrid,
 ) -> (TreeState, Vec<f64>) {
-    let run = Run::new(system, Method::Rkmk8, grid).locating(Location::as_given());
+    let run = Run::by_stepper(system, &RKMK8, grid).locating(Location::as_given());
     let run = run.from(&system.unstretched(start.clone())).unwrap();
     (run.state.base(), run.events.iter().map(|e| e.t).collect())
 }
@@ -111,7 +111,7 @@ pub(crate) fn differentiate<F: TreeForces, D: JointDrive>(
     grid: TimeGrid,
 ) -> TreeSensitivities {
     let by = Differentiation::by(by);
-    SensitivityRun::new(system, &by, Method::Rkmk8, grid).locating(Location::as_given()).from(start).unwrap()
+    SensitivityRun::by_stepper(system, &by, &RKMK8, grid).locating(Location::as_given()).from(start).unwrap()
 }
 
 #[test]
@@ -123,7 +123,7 @@ fn derivatives_of_a_bouncing_chain_are_differences_of_runs() {
             let contact = Contact::try_new(*c.contact().shape().centre(), ground, law).unwrap();
             LinkContact::new(c.name(), c.link(), contact)
         };
-        TreeInContact::try_new(TreeSystem::new(&model, ()), contacts.iter().map(law).collect(), vec![])
+        TreeInContact::try_new(TreeSystem::new(&model, passive()), contacts.iter().map(law).collect(), vec![])
             .unwrap()
     };
     let law = |stiffness, damping| with(CompliantLaw::try_new(stiffness, damping).unwrap());
@@ -257,7 +257,7 @@ fn the_derivative_of_a_tree_of_one_body_is_that_of_the_body() {
     for (i, contacts) in scenes.into_iter().enumerate() {
         let named = contacts.iter().enumerate();
         let named = named.map(|(k, c)| LinkContact::new(format!("c{k}"), "body", c.clone())).collect();
-        let tree = TreeInContact::try_new(TreeSystem::new(&model, ()), named, vec![]).unwrap();
+        let tree = TreeInContact::try_new(TreeSystem::new(&model, passive()), named, vec![]).unwrap();
         let bodies = BodyInContact::new(body, (Gravity::earth(), Contacts::new(contacts)));
         let of_body = SensitivityRun::new(&bodies, &by, Method::Rkmk8B, grid);
         let of_body = of_body.locating(Location::as_given()).from(&start).unwrap();
@@ -328,7 +328,7 @@ pub(crate) fn touching_links() -> (Model, [LinkContact; 2], LinkPair, TreeState)
 #[test]
 fn derivatives_of_links_that_touch_are_differences_of_runs() {
     let (model, on_surfaces, pair, start) = touching_links();
-    let tree = TreeSystem::new(&model, ());
+    let tree = TreeSystem::new(&model, passive());
     let system = TreeInContact::try_new(tree, on_surfaces.into(), vec![pair]).unwrap();
     let grid = TimeGrid::try_new(0.0, 0.3, 5e-4).unwrap();
     let found = differentiate(&system, &start, [], grid);
@@ -356,7 +356,7 @@ fn a_tree_that_grazes_has_no_derivative() {
     let lid = HalfSpace::try_new(Vector3::z(), -Vector3::z()).unwrap();
     let lid =
         LinkContact::new("lid", "slider", Contact::try_new(Vector3::zeros(), Arc::new(lid), law).unwrap());
-    let system = TreeInContact::try_new(TreeSystem::new(&model, ()), vec![tip, lid], vec![]).unwrap();
+    let system = TreeInContact::try_new(TreeSystem::new(&model, passive()), vec![tip, lid], vec![]).unwrap();
     let grid = TimeGrid::try_new(0.0, 0.6, 1e-3).unwrap();
     for (above, side) in [(1e-9, Side::Touching), (-1e-9, Side::Missing)] {
         let speed = f64::sqrt(2.0 * 9.81 * (0.5 + above));

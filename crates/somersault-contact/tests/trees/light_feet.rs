@@ -3,10 +3,10 @@
 //! The foot weighs 1 g, so that the contact and the leg's damping make rates λ of 10⁵/s: explicit methods are stable for steps
 //! of up to 2.8/|λ|.
 
-use crate::Torques;
 use crate::gradients::touching_links;
 use crate::orders::median_order;
 use crate::slider::Slider;
+use crate::{Torques, passive};
 use nalgebra::{DMatrix, Matrix3, UnitQuaternion, Vector3};
 use somersault_contact::contacts::Contact;
 use somersault_contact::event::EventKind::{self, Release, Slip, Stick, TouchDown};
@@ -209,7 +209,7 @@ fn partials_of_trees_in_contact_are_their_differences() {
         check_partials(&system, &vec![mode], &x);
     }
     let (model, on_surfaces, pair, start) = touching_links();
-    let tree = TreeSystem::new(&model, ());
+    let tree = TreeSystem::new(&model, passive());
     let system = TreeInContact::try_new(tree, on_surfaces.into(), vec![pair]).unwrap();
     let mut x = system.unstretched(start);
     x.rate.variables.fill(Vector3::new(1e-3, 2e-3, -1e-3));

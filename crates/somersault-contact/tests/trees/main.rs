@@ -30,7 +30,13 @@ use somersault_testkit::allocations::Counting;
 
 /// Any forces of joints, as one type: all methods are compiled for each type of forces.
 type Torques = Box<dyn TreeForces + Send + Sync>;
-/// Any motions of platforms, likewise.
+
+/// No forces of joints, as that type.
+fn passive() -> Torques {
+    Box::new(())
+}
+
+/// Any motions of platforms, as one type.
 type Motions<'a> = &'a dyn Fn(f64, usize) -> PlatformMotion;
 
 /// The method of a run in a type of system of its own: any [`Method`](somersault_integrators::methods::Method) would have all

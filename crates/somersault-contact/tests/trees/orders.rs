@@ -1,5 +1,6 @@
 //! Observed orders: located events keep the order of a method, steps that straddle them are of order 1.
 
+use crate::passive;
 use crate::scenes::{absolute, chain, chain_start};
 use somersault_contact::models::{HoppingLeg, PlanarBiped};
 use somersault_contact::tree::{TouchingState, TreeInContact};
@@ -62,7 +63,7 @@ fn the_leg_keeps_the_orders_of_methods() {
 #[test]
 fn the_chain_keeps_the_orders_of_methods() {
     let (model, contacts) = chain();
-    let system = TreeInContact::try_new(TreeSystem::new(&model, ()), contacts, vec![]).unwrap();
+    let system = TreeInContact::try_new(TreeSystem::new(&model, passive()), contacts, vec![]).unwrap();
     let start = chain_start(&system);
     let methods = [
         (Method::Rkmk, 4000.0, 3.8, 4.8),
@@ -89,7 +90,7 @@ fn the_step_of_a_biped_keeps_the_orders_of_methods() {
 #[test]
 fn steps_that_straddle_events_are_of_order_1() {
     let (model, contacts) = chain();
-    let system = TreeInContact::try_new(TreeSystem::new(&model, ()), contacts, vec![]).unwrap();
+    let system = TreeInContact::try_new(TreeSystem::new(&model, passive()), contacts, vec![]).unwrap();
     let start = chain_start(&system);
     let settings = Adaptive::with_tolerances(1e-13, 1e-13);
     let reference = Run::new(&system, Method::Rkmk8, Steps::adapted((0.0, 0.5), settings));

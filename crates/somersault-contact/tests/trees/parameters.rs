@@ -1,7 +1,7 @@
 //! Derivatives by what describes a tree, by knots of joint forces, and of trees with driven joints: differences of runs.
 
-use crate::Torques;
 use crate::gradients::{between, column, differentiate, error, error_by_state, reached, touching_links};
+use crate::{Torques, passive};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use somersault_contact::contacts::Contact;
 use somersault_contact::event::EventKind;
@@ -114,10 +114,10 @@ fn with(model: &Model, of: &TreeParameter, by: f64) -> Model {
 fn derivatives_of_links_that_touch_by_what_describes_them_are_differences_of_runs() {
     let (model, on_surfaces, pair, start) = touching_links();
     let touching = |model: &Model, start: &TreeState, grid| {
-        let tree = TreeSystem::new(model, ());
+        let tree = TreeSystem::new(model, passive());
         reached(&TreeInContact::try_new(tree, on_surfaces.to_vec(), vec![pair.clone()]).unwrap(), start, grid)
     };
-    let tree = TreeSystem::new(&model, ());
+    let tree = TreeSystem::new(&model, passive());
     let system = TreeInContact::try_new(tree, on_surfaces.to_vec(), vec![pair.clone()]).unwrap();
     let grid = TimeGrid::try_new(0.0, 0.25, 5e-4).unwrap();
     let tensor = Matrix3::new(0.5, 0.2, -0.1, 0.2, 0.7, 0.3, -0.1, 0.3, 0.4);
@@ -162,8 +162,8 @@ pub(crate) fn following_arm() -> (Model, LinkContact, TreeState) {
 #[test]
 fn derivatives_of_joints_that_follow_others_are_differences_of_runs() {
     let (model, tip, start) = following_arm();
-    fn touching<'m>(model: &'m Model, tip: &LinkContact) -> TreeInContact<'m> {
-        TreeInContact::try_new(TreeSystem::new(model, ()), vec![tip.clone()], vec![]).unwrap()
+    fn touching<'m>(model: &'m Model, tip: &LinkContact) -> TreeInContact<'m, Torques> {
+        TreeInContact::try_new(TreeSystem::new(model, passive()), vec![tip.clone()], vec![]).unwrap()
     }
     let grid = TimeGrid::try_new(0.0, 0.4, 5e-4).unwrap();
     let cases = [

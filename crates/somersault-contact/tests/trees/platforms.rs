@@ -9,7 +9,6 @@ use somersault_contact::surface::HalfSpace;
 use somersault_contact::tree::{LinkContact, PlatformMotion, TreeInContact, TreeOnPlatforms};
 use somersault_integrators::driver::TimeGrid;
 use somersault_integrators::events::Location;
-use somersault_integrators::methods::Method;
 use somersault_integrators::run::Run;
 use somersault_multibody::motion::Rates;
 use somersault_multibody::{Joint, Link, MassProperties, Model};
@@ -79,7 +78,7 @@ fn a_mass_on_a_table_that_heaves_follows_the_closed_form() {
         let system = TreeInContact::try_new(tree, touch(true), vec![]).unwrap();
         let start = system.unstretched(scene.model().state(&q, &v).unwrap());
         let grid = TimeGrid::try_new(0.0, 0.5, h).unwrap();
-        let run = Run::new(&system, Method::Rkmk8, grid).locating(Location::default()).from(&start).unwrap();
+        let run = Run::by_stepper(&system, &RKMK8, grid).locating(Location::default()).from(&start).unwrap();
         assert_eq!(run.event_count, 0);
         let [z, rate] = on_a_table(0.5, [m, k, c], a, omega);
         let table = motion(0.5, 0).position.z - run.state.configuration.0.as_slice()[3];
@@ -110,7 +109,7 @@ fn a_table_that_comes_up_is_met_on_time() {
     let system = TreeInContact::try_new(tree, touches, vec![]).unwrap();
     let start = system.unstretched(scene.model().state(&q, &v).unwrap());
     let grid = TimeGrid::try_new(0.0, 0.1, 0.02).unwrap();
-    let run = Run::new(&system, Method::Rkmk8, grid).locating(Location::default()).from(&start).unwrap();
+    let run = Run::by_stepper(&system, &RKMK8, grid).locating(Location::default()).from(&start).unwrap();
     let gap = |t: f64| 0.39 - 0.5 * 9.81 * t * t - 0.4 * (30.0 * t).sin();
     let (mut low, mut high) = (0.0, std::f64::consts::FRAC_PI_2 / 30.0);
     for _ in 0..60 {

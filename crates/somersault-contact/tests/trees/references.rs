@@ -2,6 +2,7 @@
 //!
 //! The literals are printed by tests/derivations/trees_in_contact.py: SymPy and DOP853 in pieces between located events.
 
+use crate::passive;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use somersault_contact::contacts::Contact;
 use somersault_contact::laws::ContactLaw;
@@ -88,7 +89,7 @@ fn compare(case: Case<'_>) {
     let Case { links, contacts, start, end: (time, expected), events: (count, times), tolerance } = case;
     let free = start.0.len() - links.len();
     let model = chain(links, free == 2);
-    let system = TreeInContact::try_new(TreeSystem::new(&model, ()), contacts, vec![]).unwrap();
+    let system = TreeInContact::try_new(TreeSystem::new(&model, passive()), contacts, vec![]).unwrap();
     let (q, v) = joints(links, start);
     let start = system.unstretched(model.state(&q, &v).unwrap());
     let steps = Steps::adapted((0.0, time), Adaptive::with_tolerances(1e-13, 1e-13));

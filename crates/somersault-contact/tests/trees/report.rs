@@ -1,7 +1,7 @@
 //! Forces, Jacobians and a pose at rest, against dynamics.
 
-use crate::Torques;
 use crate::scenes::chain;
+use crate::{Torques, passive};
 use nalgebra::{DVector, Vector3};
 use somersault_contact::ContactError;
 use somersault_contact::contacts::Contact;
@@ -49,7 +49,7 @@ fn forces_and_jacobians_are_those_of_the_dynamics() {
             (format!("b{}", n - 1), random.vector(0.3), 0.6),
             law,
         );
-        let tree = TreeSystem::new(&model, ());
+        let tree = TreeSystem::new(&model, passive());
         let system = TreeInContact::try_new(tree, contacts, vec![pair.unwrap()]).unwrap();
         let state = model.state(&q, &v).unwrap();
         let stretches = (0..=n).map(|_| random.vector(0.05)).collect();
@@ -166,7 +166,7 @@ fn what_cannot_be_is_refused_by_name() {
     let law = CompliantLaw::try_new(1e4, 1.0).unwrap();
     let contact = contacts[0].contact().clone();
     let made = |contacts, pairs| {
-        TreeInContact::try_new(TreeSystem::new(&model, ()), contacts, pairs).map(|_| ()).unwrap_err()
+        TreeInContact::try_new(TreeSystem::new(&model, passive()), contacts, pairs).map(|_| ()).unwrap_err()
     };
     let unknown = made(vec![LinkContact::new("a", "third", contact.clone())], vec![]);
     assert_eq!(unknown.to_string(), "`link` must be the name of a body of the model, found `third`");
@@ -175,7 +175,7 @@ fn what_cannot_be_is_refused_by_name() {
     let none = Vector3::zeros();
     let same = LinkPair::try_new("a", ("first", none, 0.1), ("first", none, 0.1), law).unwrap_err();
     assert_eq!(same, ContactError::SameLink { link: "first".into() });
-    let system = TreeInContact::try_new(TreeSystem::new(&model, ()), contacts, vec![]).unwrap();
+    let system = TreeInContact::try_new(TreeSystem::new(&model, passive()), contacts, vec![]).unwrap();
     let x = system.unstretched(model.state(&model.neutral(), &[0.0; 4]).unwrap());
     let beyond = system.contact_jacobian(3, &x).unwrap_err();
     assert_eq!(beyond, ContactError::NoContact { found: 3, contacts: 3 });

@@ -1,6 +1,7 @@
 //! Capsules, edges and boxes on spheres and cylinders, and against each other.
 
 use crate::gradients::{differentiate, error_by_state};
+use crate::{Torques, passive};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use somersault_contact::contacts::Contact;
 use somersault_contact::laws::ContactLaw;
@@ -107,7 +108,7 @@ fn later(model: &Model, q: &[f64], v: &[f64], time: f64) -> Vec<f64> {
 }
 
 /// Gap of a contact against the smallest distance of all points of a shape, and its rate against differences along the motion.
-fn check(system: &TreeInContact<'_>, q: &[f64], v: &[f64], least: f64, within: f64) {
+fn check(system: &TreeInContact<'_, Torques>, q: &[f64], v: &[f64], least: f64, within: f64) {
     let model = system.model();
     let at = |q: &[f64]| system.touches(&system.unstretched(model.state(q, v).unwrap()))[0];
     let touch = at(q);
@@ -136,7 +137,7 @@ fn gaps_over_round_surfaces_are_those_of_the_nearest_points() {
                 }
                 _ => assert_eq!(names, ["a"]),
             }
-            let system = TreeInContact::try_new(TreeSystem::new(&model, ()), touches, vec![]).unwrap();
+            let system = TreeInContact::try_new(TreeSystem::new(&model, passive()), touches, vec![]).unwrap();
             let (points, radius) = samples(shape);
             for k in 0..12 {
                 let (q, v) = state(k, 1.3);
@@ -169,7 +170,7 @@ fn gaps_of_pairs_are_those_of_their_nearest_points() {
     let model = bodies();
     for shapes in [[&BALL, &CAPSULE], [&CAPSULE, &BALL], [&BALL, &BOX], [&CAPSULE, &CAPSULE]] {
         let touches = vec![pair(shapes, law(10.0))];
-        let system = TreeInContact::try_new(TreeSystem::new(&model, ()), vec![], touches).unwrap();
+        let system = TreeInContact::try_new(TreeSystem::new(&model, passive()), vec![], touches).unwrap();
         let place = (Vector3::new(0.02, 0.0, -0.03), UnitQuaternion::new(Vector3::new(0.0, 0.4, 0.2)));
         for k in 0..8 {
             let (q, v) = state(k, 0.9);
@@ -195,7 +196,7 @@ fn pairs_keep_momentum_and_energy() {
         let spring = ContactLaw::from(CompliantLaw::try_new(5e3, 0.0).unwrap());
         for (law, is_kept) in [(spring, true), (law(10.0), false)] {
             let touches = vec![pair(shapes, law)];
-            let system = TreeInContact::try_new(TreeSystem::new(&model, ()), vec![], touches).unwrap();
+            let system = TreeInContact::try_new(TreeSystem::new(&model, passive()), vec![], touches).unwrap();
             let (q, _) = state(k + 1, 0.8);
             let ((a, turn_a), (b, turn_b)) = (pose(&q, 0), pose(&q, 1));
             let way = (b - a).normalize();
@@ -237,7 +238,7 @@ fn derivatives_with_capsules_are_differences_of_runs() {
     let turn = UnitQuaternion::new(Vector3::y() * std::f64::consts::FRAC_PI_2);
     let shapes = [(&rod, (Vector3::zeros(), turn)); 2];
     let pair = LinkPair::of_shapes("rods", ["a", "b"], shapes, law(10.0)).unwrap();
-    let system = TreeInContact::try_new(TreeSystem::new(&model, ()), touches, vec![pair]).unwrap();
+    let system = TreeInContact::try_new(TreeSystem::new(&model, passive()), touches, vec![pair]).unwrap();
     let q = [[0.05, 0.0, -0.2, 0.0, 0.05, 0.0, 1.0], [0.1, 0.35, -0.15, 0.02, 0.0, 0.4, 1.0]].concat();
     let v = [[0.3, 0.6, -1.5, 0.4, -0.3, 0.2], [-0.2, -0.9, -1.2, 0.3, 0.5, -0.4]].concat();
     let mut q = q;
@@ -267,7 +268,7 @@ fn a_nearest_point_that_reaches_an_end_under_friction_has_no_derivative() {
     let with = |law: ContactLaw| {
         let rod = Contact::try_capsule(along, 0.05, ball.clone(), law).unwrap();
         let rod = LinkContact::new("rod", "a", rod);
-        TreeInContact::try_new(TreeSystem::new(&model, ()), vec![rod], vec![]).unwrap()
+        TreeInContact::try_new(TreeSystem::new(&model, passive()), vec![rod], vec![]).unwrap()
     };
     let smooth = with(CompliantLaw::try_new(5e3, 10.0).unwrap().into());
     let found = differentiate(&smooth, &start, [], grid);
@@ -298,7 +299,7 @@ fn a_plank_rests_on_a_log() {
     let place = (Vector3::zeros(), UnitQuaternion::identity());
     let surface: Arc<dyn Surface> = Arc::new(log);
     let touches = shape_contacts("plank", "plank", &shape, place, &surface, &law(60.0)).unwrap();
-    let system = TreeInContact::try_new(TreeSystem::new(&model, ()), touches, vec![]).unwrap();
+    let system = TreeInContact::try_new(TreeSystem::new(&model, passive()), touches, vec![]).unwrap();
     let start = model.state(&[0.0, 0.0, 0.25, 0.0, 0.0, 0.0, 1.0], &[0.0; 6]).unwrap();
     let steps = Steps::adapted((0.0, 0.5), Adaptive::with_tolerances(1e-8, 1e-8));
     let start = system.unstretched(start);

@@ -1,5 +1,6 @@
 //! The bouncing chain and the hopping leg against references that were computed independently.
 
+use crate::passive;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use somersault_contact::contacts::Contact;
 use somersault_contact::event::EventKind::{self, Release, Slip, Stick, TouchDown};
@@ -73,7 +74,7 @@ fn adapted(end: f64, tolerance: f64) -> Steps {
 #[test]
 fn a_chain_bounces_to_the_digits_of_the_reference() {
     let (model, contacts) = chain();
-    let system = TreeInContact::try_new(TreeSystem::new(&model, ()), contacts, vec![]).unwrap();
+    let system = TreeInContact::try_new(TreeSystem::new(&model, passive()), contacts, vec![]).unwrap();
     let start = chain_start(&system);
     let run = Run::new(&system, Method::Rkmk8, adapted(1.0, 1e-13));
     let run = run.locating(Location::default()).from(&start).unwrap();

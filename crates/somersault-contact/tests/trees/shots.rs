@@ -3,7 +3,7 @@
 //! Until it touches a tree flies freely. Its free motion in short steps by another method has the least gap: a shot in which
 //! that is deeper than the spacing of the samples can hide must have an event, one in which it stays larger must have none.
 
-use crate::Torques;
+use crate::{Torques, passive};
 use nalgebra::Vector3;
 use somersault_contact::contacts::Contact;
 use somersault_contact::laws::compliant::CompliantLaw;
@@ -97,7 +97,7 @@ fn trees_that_fly_past_obstacles_miss_no_contact() {
         let mut v = random.numbers(model.n_velocities(), 6.0);
         v[0] += 8.0;
         let start = model.state(&q, &v).unwrap();
-        let free = TreeSystem::new(&model, ());
+        let free = TreeSystem::new(&model, passive());
         let fly = |system: &TreeInContact<'_, Torques>, at: f64| {
             let grid = TimeGrid::try_new(0.0, END, SHORT).unwrap();
             let mut gaps = Gaps { system, least: f64::INFINITY, at, place: Vector3::zeros() };

@@ -2,7 +2,7 @@
 //!
 //! The literals are printed by tests/derivations/spatial_trees_in_contact.py: Pinocchio and DOP853 in pieces between located events.
 
-use crate::Motions;
+use crate::{Motions, passive};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use somersault_contact::contacts::Contact;
 use somersault_contact::laws::ContactLaw;
@@ -93,7 +93,7 @@ fn links_in_a_bowl_to_the_digits_of_the_reference() {
     let touches = vec![ball("head", "first", 0.0, 0.05), ball("tip", "second", -0.22, 0.04)];
     let (a, b) = (Vector3::new(0.1, 0.0, -0.05), Vector3::new(0.1, 0.0, -0.12));
     let pair = LinkPair::try_new("clap", ("first", a, 0.06), ("second", b, 0.05), law.clone()).unwrap();
-    let system = TreeInContact::try_new(TreeSystem::new(&model, ()), touches, vec![pair]).unwrap();
+    let system = TreeInContact::try_new(TreeSystem::new(&model, passive()), touches, vec![pair]).unwrap();
     let q = [&[0.0, 0.0, 0.62][..], &turned([0.3, 0.5, 0.2]), &turned([0.2, -0.4, 0.1])].concat();
     let v = [0.4, 0.2, 0.0, 1.0, 0.5, -0.8, 0.5, -7.0, 0.6];
     let end = End {

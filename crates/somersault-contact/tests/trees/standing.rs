@@ -1,6 +1,6 @@
 //! A quadruped and a biped that stand: at rest to rounding on level ground and below the angle of friction, and sliding above it.
 
-use crate::Torques;
+use crate::{Torques, passive};
 use nalgebra::{DMatrix, DVector, Vector3};
 use somersault_contact::event::EventKind;
 use somersault_contact::laws::ContactMode;
@@ -66,7 +66,8 @@ impl Scene {
     /// Joint forces of that pose: g(q) − Σ Jᵀ F, with the forces for which nothing is left to the base.
     fn balance(&self) -> DVector<f64> {
         let (model, base) = (&self.model, self.from[1]);
-        let bare = TreeInContact::try_new(TreeSystem::new(model, ()), self.contacts.clone(), vec![]).unwrap();
+        let bare =
+            TreeInContact::try_new(TreeSystem::new(model, passive()), self.contacts.clone(), vec![]).unwrap();
         let x = bare.unstretched(self.at_rest());
         let mut data = Data::new(model);
         let weight = DVector::from_column_slice(model.gravity_forces(&mut data, &self.guess).unwrap());
