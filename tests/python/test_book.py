@@ -7,7 +7,7 @@ import re
 import shlex
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from html import unescape
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -111,17 +111,33 @@ def test_pages_with_rust_are_read_by_cargo_test() -> None:
             assert f'include_str!("../{page.relative_to(ROOT)}")' in read
 
 
+@pytest.fixture(scope="module")
+def kernel() -> Iterator[tuple[Any, Any]]:
+    """A kernel for all notebooks and its client: a start takes longer than most of them."""
+    pytest.importorskip("nbclient", reason="nbclient is not installed (extra `notebooks`)")
+    manager = pytest.importorskip("jupyter_client").KernelManager(kernel_name="python3")
+    manager.start_kernel(env=os.environ | {"MPLBACKEND": "agg"}, cwd=NOTEBOOKS[0].parent)
+    client = manager.client()
+    client.start_channels()
+    yield manager, client
+    client.stop_channels()
+    manager.shutdown_kernel(now=True)
+    manager.cleanup_resources()
+
+
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_notebooks_run_from_a_clean_kernel(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_notebooks_run_without_names_from_before(path: Path, kernel: tuple[Any, Any]) -> None:
     nbclient = pytest.importorskip("nbclient", reason="nbclient is not installed (extra `notebooks`)")
     nbformat = pytest.importorskip("nbformat")
-    monkeypatch.setenv("MPLBACKEND", "agg")
     notebook = nbformat.read(path, as_version=4)
     skip_without("\n".join(cell.source for cell in notebook.cells))
     nbformat.validate(notebook)
     stored = _shown(notebook)
-    resources = {"metadata": {"path": str(path.parent)}}
-    nbclient.NotebookClient(notebook, timeout=120, kernel_name="python3", resources=resources).execute()
+    notebook.cells.insert(0, nbformat.v4.new_code_cell("%reset -f"))
+    runner = nbclient.NotebookClient(notebook, km=kernel[0], timeout=120)
+    runner.kc = kernel[1]
+    runner.execute()
+    del notebook.cells[0]
     # digits and pixels differ from machine to machine; whether a cell shows something does not
     assert _shown(notebook) == stored, "`make notebooks` runs it again"
 

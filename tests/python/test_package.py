@@ -48,15 +48,17 @@ def test_the_examples_of_the_readme_hold() -> None:
 
 
 def test_the_modules_of_the_extension_are_imported_by_their_names() -> None:
-    for name in sorted({*_somersault.__all__} - {"__version__"}):
-        program = f"""
+    program = "\n".join(
+        f"""
 from somersault._somersault import {name} as attribute
 import somersault._somersault.{name} as module
 assert module is attribute
 assert module.__name__ == "somersault._somersault.{name}"
 assert all(getattr(module, listed).__module__.startswith("somersault") for listed in module.__all__)
 """
-        subprocess.run([sys.executable, "-c", program], check=True)
+        for name in sorted({*_somersault.__all__} - {"__version__"})
+    )
+    subprocess.run([sys.executable, "-c", program], check=True)
 
 
 def test_the_stubs_are_up_to_date() -> None:
