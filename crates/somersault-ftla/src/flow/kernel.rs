@@ -51,47 +51,51 @@ pub(super) struct Kernel<'a, S, const MATRIX: bool> {
     h: f64,
     /// What the loops over columns are compiled for: the widest vectors of the machine.
     arch: pulp::Arch,
-    numbers: Step<MATRIX>,
+    numbers: Step,
 }
 
-/// What a field is asked for at once, in loops of a length that the compiler knows, which are half as long again as quick at
-/// these sizes. A closure would not do: it is not inlined into what is compiled for the vectors of the machine.
-struct Stages<'k, 'a, S, const MATRIX: bool> {
-    kernel: &'k mut Kernel<'a, S, MATRIX>,
-    which: Which<'k>,
-}
+/// The first stage of a step with Φ, at a time since the start of the run.
+struct First<'k, 'a, S, const MATRIX: bool>(&'k mut Kernel<'a, S, MATRIX>, f64);
 
-/// Stages of a step.
-enum Which<'f> {
-    /// The first, at this time since the start of the run.
-    First(f64),
-    /// The others of a step of this size.
-    Others(f64, Integrand<'f>),
-}
-
-impl<S: VectorField, const MATRIX: bool> pulp::WithSimd for Stages<'_, '_, S, MATRIX> {
+impl<S: VectorField, const MATRIX: bool> pulp::WithSimd for First<'_, '_, S, MATRIX> {
     type Output = ();
 
     #[inline(always)]
     fn with_simd<V: pulp::Simd>(self, _: V) {
-        // Asked of the system, which often knows it when it is compiled, the others are not made.
-        match self.kernel.system.dimension() {
-            2 => self.of::<V, 2, 4>(),
-            3 => self.of::<V, 3, 9>(),
-            4 => self.of::<V, 4, 16>(),
-            6 => self.of::<V, 6, 36>(),
-            8 => self.of::<V, 8, 64>(),
-            _ => self.of::<V, ANY, ANY>(),
+        let Self(kernel, t) = self;
+        match kernel.system.dimension() {
+            2 => kernel.first_by::<V, 2>(t),
+            3 => kernel.first_by::<V, 3>(t),
+            4 => kernel.first_by::<V, 4>(t),
+            6 => kernel.first_by::<V, 6>(t),
+            8 => kernel.first_by::<V, 8>(t),
+            _ => kernel.first_by::<V, ANY>(t),
         }
     }
 }
 
-impl<S: VectorField, const MATRIX: bool> Stages<'_, '_, S, MATRIX> {
+/// The other stages of a step of size `h`, in loops of a length that the compiler knows, which are half as long again as quick
+/// at these sizes. A closure would not do: it is not inlined into what is compiled for the vectors of the machine.
+struct Trial<'k, 'a, S, const MATRIX: bool> {
+    kernel: &'k mut Kernel<'a, S, MATRIX>,
+    h: f64,
+    integrand: Integrand<'k>,
+}
+
+impl<S: VectorField, const MATRIX: bool> pulp::WithSimd for Trial<'_, '_, S, MATRIX> {
+    type Output = f64;
+
     #[inline(always)]
-    fn of<V: pulp::Simd, const N: usize, const SQUARE: usize>(self) {
-        match self.which {
-            Which::First(t) => self.kernel.first_stage_by::<V, N>(t),
-            Which::Others(h, integrand) => self.kernel.other_stages::<V, N, SQUARE>(h, integrand),
+    fn with_simd<V: pulp::Simd>(self, _: V) -> f64 {
+        let Self { kernel, h, integrand } = self;
+        // Asked of the system, which often knows it when it is compiled, the others are not made.
+        match kernel.system.dimension() {
+            2 => kernel.trial_by::<V, 2, 4>(h, integrand),
+            3 => kernel.trial_by::<V, 3, 9>(h, integrand),
+            4 => kernel.trial_by::<V, 4, 16>(h, integrand),
+            6 => kernel.trial_by::<V, 6, 36>(h, integrand),
+            8 => kernel.trial_by::<V, 8, 64>(h, integrand),
+            _ => kernel.trial_by::<V, ANY, ANY>(h, integrand),
         }
     }
 }
@@ -118,7 +122,7 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
             watch: Watch::new(system.n_switches(), p.len()),
             h: 0.0,
             arch: pulp::Arch::new(),
-            numbers: Step::new(p.as_slice(), relative, in_state, flow.scale.cost * absolute),
+            numbers: Step::new(p.as_slice(), MATRIX, relative, in_state, flow.scale.cost * absolute),
         };
         if !kernel.first_stage(0.0) {
             return Err(kernel.non_finite());
@@ -308,8 +312,13 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
     /// Slopes at the current state, at a time since the start of the run; false if they are not finite.
     fn first_stage(&mut self, t: f64) -> bool {
         self.work.evaluations += 1;
-        let arch = self.arch;
-        arch.dispatch(Stages { kernel: self, which: Which::First(t) });
+        if MATRIX {
+            let arch = self.arch;
+            arch.dispatch(First(self, t));
+        } else {
+            let x = &mut self.numbers;
+            self.system.field_at(self.origin + t, &self.piece, &x.state, &mut x.slopes[..x.n]);
+        }
         self.numbers.first_is_finite()
     }
 
@@ -318,32 +327,27 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
     fn trial(&mut self, h: f64, integrand: Integrand<'_>) -> f64 {
         self.work.evaluations += STAGES - 1;
         let arch = self.arch;
-        arch.dispatch(Stages { kernel: self, which: Which::Others(h, integrand) });
-        self.numbers.finish(arch, h)
+        let size = arch.dispatch(Trial { kernel: self, h, integrand });
+        // once for all systems, but for steps that are so quick that another call is felt
+        if MATRIX { self.numbers.finish(arch, h) } else { size }
     }
 
     #[inline(always)]
-    fn first_stage_by<V: pulp::Simd, const N: usize>(&mut self, t: f64) {
+    fn first_by<V: pulp::Simd, const N: usize>(&mut self, t: f64) {
         let x = &mut self.numbers;
         let n = if N == ANY { x.n } else { N };
-        let slope = &mut x.slopes[..n];
-        if MATRIX {
-            let row_slope = &mut x.row_slopes[..n * n];
-            let (t, d) = (self.origin + t, &mut x.jacobian);
-            self.system.linearize_at(t, &self.piece, &x.state[..n], slope, d);
-            let d = &x.jacobian.as_slice()[..n * n];
-            self.system.tangent(n, d, &x.rows[..n * n], row_slope, multiply_add::<V>);
-        } else {
-            self.system.field_at(self.origin + t, &self.piece, &x.state[..n], slope);
-        }
+        let (slope, row_slope) = (&mut x.slopes[..n], &mut x.row_slopes[..n * n]);
+        self.system.linearize_at(self.origin + t, &self.piece, &x.state[..n], slope, &mut x.jacobian);
+        let d = &x.jacobian.as_slice()[..n * n];
+        self.system.tangent(n, d, &x.rows[..n * n], row_slope, multiply_add::<V>);
     }
 
     #[inline(always)]
-    fn other_stages<V: pulp::Simd, const N: usize, const SQUARE: usize>(
+    fn trial_by<V: pulp::Simd, const N: usize, const SQUARE: usize>(
         &mut self,
         h: f64,
         integrand: Integrand<'_>,
-    ) {
+    ) -> f64 {
         let x = &mut self.numbers;
         let n = if N == ANY { x.n } else { N };
         let square = if MATRIX { n * n } else { 0 };
@@ -372,6 +376,7 @@ impl<'a, S: VectorField, const MATRIX: bool> Kernel<'a, S, MATRIX> {
                 x.integrands[i] = integrand(&self.piece, p);
             }
         }
+        if MATRIX { f64::NAN } else { x.finish_by::<V, N, SQUARE, false>(h) }
     }
 
     fn non_finite(&self) -> FlowError {

@@ -6,8 +6,8 @@ use crate::product::orthonormalise;
 use nalgebra::DMatrix;
 use somersault_integrators::tableau::{ErrorWeights, Tableau};
 
-/// State, Φ and integral with the slopes of a step. `MATRIX` says whether there is Φ.
-pub(super) struct Step<const MATRIX: bool> {
+/// State, Φ and integral with the slopes of a step. Without Φ its numbers are none.
+pub(super) struct Step {
     pub(super) n: usize,
     pub(super) tableau: &'static Tableau,
     error: &'static ErrorWeights,
@@ -44,41 +44,44 @@ pub(super) struct Scratch {
     sums: [Vec<f64>; 3],
 }
 
-/// The end of a trial and its error, in loops of a length that the compiler knows.
-struct Finish<'s, const MATRIX: bool> {
-    step: &'s mut Step<MATRIX>,
+/// The end of a trial with Φ and its error, in loops of a length that the compiler knows.
+struct Finish<'s> {
+    step: &'s mut Step,
     h: f64,
 }
 
-impl<const MATRIX: bool> pulp::WithSimd for Finish<'_, MATRIX> {
+impl pulp::WithSimd for Finish<'_> {
     type Output = f64;
 
     #[inline(always)]
     fn with_simd<V: pulp::Simd>(self, _: V) -> f64 {
         match self.step.n {
-            2 => self.step.finish_by::<V, 2, 4>(self.h),
-            3 => self.step.finish_by::<V, 3, 9>(self.h),
-            4 => self.step.finish_by::<V, 4, 16>(self.h),
-            6 => self.step.finish_by::<V, 6, 36>(self.h),
-            8 => self.step.finish_by::<V, 8, 64>(self.h),
-            _ => self.step.finish_by::<V, ANY, ANY>(self.h),
+            2 => self.step.finish_by::<V, 2, 4, true>(self.h),
+            3 => self.step.finish_by::<V, 3, 9, true>(self.h),
+            4 => self.step.finish_by::<V, 4, 16, true>(self.h),
+            6 => self.step.finish_by::<V, 6, 36, true>(self.h),
+            8 => self.step.finish_by::<V, 8, 64, true>(self.h),
+            _ => self.step.finish_by::<V, ANY, ANY, true>(self.h),
         }
     }
 }
 
-impl<const MATRIX: bool> Step<MATRIX> {
-    /// At a state, with Φ = 1. Tolerances are absolute in each entry of the state, and in the integral.
-    pub(super) fn new(p: &[f64], relative: f64, absolute: Vec<f64>, integral_tolerance: f64) -> Self {
+impl Step {
+    /// At a state, with Φ = 1 if `matrix` says so. Tolerances are absolute in each entry of the state, and in the integral.
+    pub(super) fn new(
+        p: &[f64],
+        matrix: bool,
+        relative: f64,
+        absolute: Vec<f64>,
+        integral_tolerance: f64,
+    ) -> Self {
         let (tableau, error) = Tableau::dop853();
         let n = p.len();
-        // without Φ its numbers are none
-        let square = if MATRIX { n * n } else { 0 };
-        let side = if MATRIX { n } else { 0 };
+        let side = if matrix { n } else { 0 };
+        let square = side * side;
         let zeros = |size: usize| vec![0.0; size];
         let mut rows = Aligned::zeros(square);
-        if MATRIX {
-            identity(&mut rows, n);
-        }
+        identity(&mut rows, side);
         let mut state = Aligned::zeros(n);
         state.copy_from_slice(p);
         Self {
@@ -109,6 +112,7 @@ impl<const MATRIX: bool> Step<MATRIX> {
     }
 
     /// Continues with Φ = 1 from here.
+    #[inline]
     pub(super) fn restart_matrix(&mut self) {
         let n = self.n;
         identity(&mut self.rows, n);
@@ -118,6 +122,7 @@ impl<const MATRIX: bool> Step<MATRIX> {
     }
 
     /// Goes where a trial has led, and keeps where it began; the gain of the integral for a step of size 1.
+    #[inline]
     pub(super) fn make(&mut self) -> f64 {
         let gain = self.combine_scalar(self.tableau.weights());
         self.scratch.first_slope.copy_from_slice(&self.slopes[..self.n]);
@@ -127,6 +132,7 @@ impl<const MATRIX: bool> Step<MATRIX> {
     }
 
     /// Goes back to where the trial began.
+    #[inline]
     pub(super) fn unmake(&mut self) {
         self.swap();
         let square = self.rows.len();
@@ -135,6 +141,7 @@ impl<const MATRIX: bool> Step<MATRIX> {
     }
 
     /// Exchanges the point that the step begins at with that at the end of a trial.
+    #[inline]
     fn swap(&mut self) {
         std::mem::swap(&mut self.state, &mut self.next);
         std::mem::swap(&mut self.rows, &mut self.next_rows);
@@ -158,13 +165,17 @@ impl<const MATRIX: bool> Step<MATRIX> {
         largest.max(1.0 / smallest)
     }
 
-    /// Where the slopes of the stages lead in a step of size h, to `next` and `next_rows`; the error in units of the tolerance.
+    /// Where the slopes of the stages lead in a step of size h, to `next` and `next_rows`, with Φ; the error in units of the
+    /// tolerance.
     pub(super) fn finish(&mut self, arch: pulp::Arch, h: f64) -> f64 {
         arch.dispatch(Finish { step: self, h })
     }
 
     #[inline(always)]
-    fn finish_by<V: pulp::Simd, const N: usize, const SQUARE: usize>(&mut self, h: f64) -> f64 {
+    pub(super) fn finish_by<V: pulp::Simd, const N: usize, const SQUARE: usize, const MATRIX: bool>(
+        &mut self,
+        h: f64,
+    ) -> f64 {
         let n = if N == ANY { self.n } else { N };
         let weights = self.tableau.weights();
         combine::<V, N>(Some(&self.state[..n]), &self.slopes, weights, h, &mut self.next[..n]);
@@ -173,13 +184,16 @@ impl<const MATRIX: bool> Step<MATRIX> {
             let next_rows = &mut self.next_rows[..square];
             combine::<V, SQUARE>(Some(&self.rows[..square]), &self.row_slopes, weights, h, next_rows);
         }
-        self.error_of::<V, N, SQUARE>(h)
+        self.error_of::<V, N, SQUARE, MATRIX>(h)
     }
 
     /// The estimate of Hairer, Nørsett and Wanner, II.10: e₅²/√(e₅² + e₃²/100) in root mean square, the largest of state,
     /// columns of Φ and integral.
     #[inline(always)]
-    fn error_of<V: pulp::Simd, const N: usize, const SQUARE: usize>(&mut self, h: f64) -> f64 {
+    fn error_of<V: pulp::Simd, const N: usize, const SQUARE: usize, const MATRIX: bool>(
+        &mut self,
+        h: f64,
+    ) -> f64 {
         let n = if N == ANY { self.n } else { N };
         let (relative, square) = (self.relative, n * n);
         // a pair without a second estimate has none of its weights
@@ -239,6 +253,7 @@ impl<const MATRIX: bool> Step<MATRIX> {
         h.abs() * size
     }
 
+    #[inline]
     fn combine_scalar(&self, row: &[(usize, f64)]) -> f64 {
         row.iter().map(|&(j, a)| a * self.integrands[j]).sum()
     }
@@ -253,7 +268,7 @@ impl<const MATRIX: bool> Step<MATRIX> {
             rate =
                 rate.max(slope / (absolute[i] / relative + self.state[i].abs()).max(slope.min(1.0) * 1e-2));
         }
-        if MATRIX {
+        if !self.rows.is_empty() {
             // ‖D‖ grows with the choice of units, √‖D²‖ less so
             rate = rate.max((&self.jacobian * &self.jacobian).amax().sqrt());
         }
@@ -261,6 +276,7 @@ impl<const MATRIX: bool> Step<MATRIX> {
     }
 
     /// Whether the slopes at the current state are finite.
+    #[inline]
     pub(super) fn first_is_finite(&self) -> bool {
         self.slopes[..self.n].iter().sum::<f64>().is_finite()
             && is_finite(&self.row_slopes[..self.rows.len()])
