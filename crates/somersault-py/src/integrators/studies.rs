@@ -24,7 +24,7 @@ use somersault::integrators::studies::problem::{self, Case, Errors};
 use somersault::integrators::studies::stability::{self, Lambda};
 use somersault::integrators::studies::work_precision::{self, StepChoice};
 use somersault::integrators::studies::{Progress, StudyError, energy, order};
-use somersault::integrators::system::RigidBodySystem;
+use somersault::integrators::system::{RigidBodySystem, RigidSystem};
 use std::sync::Arc;
 
 /// Runs a study without the interpreter, and looks for Ctrl-C meanwhile, after which what it has begun continues in the
@@ -355,7 +355,7 @@ pub(crate) fn energy_study(
 /// that of a run by `integrate`, since each type has the methods compiled for it.
 enum Chosen {
     Free(problem::Problem<RigidBodySystem>),
-    Forced(problem::Problem<Counted<RigidBodySystem<Vec<BoxedForce>>>>, RigidBody, Models),
+    Forced(problem::Problem<Counted<RigidBodySystem<Vec<BoxedForce>>>>, Models),
 }
 
 impl Chosen {
@@ -363,7 +363,7 @@ impl Chosen {
     fn counted(&self) -> Counted<RigidBodySystem<Vec<BoxedForce>>> {
         Counted::new(match self {
             Self::Free(p) => RigidBodySystem::new(p.system().body, Vec::new()),
-            Self::Forced(_, body, models) => RigidBodySystem::new(body.0, models.boxed()),
+            Self::Forced(p, models) => RigidBodySystem::new(*p.system().body(0), models.boxed()),
         })
     }
 }
@@ -423,7 +423,7 @@ impl Problem {
             (Some(reference), false) => {
                 let system = Counted::new(RigidBodySystem::new(body.0, models.boxed()));
                 let problem = problem::Problem::try_new(system, state.0, t_end, reference.0)?;
-                Chosen::Forced(problem, body, models)
+                Chosen::Forced(problem, models)
             }
         };
         Ok(Self(Arc::new(chosen)))
@@ -498,7 +498,7 @@ impl Problem {
     fn body(&self) -> RigidBody {
         match &*self.0 {
             Chosen::Free(p) => RigidBody(p.system().body),
-            Chosen::Forced(_, body, _) => *body,
+            Chosen::Forced(p, _) => RigidBody(*p.system().body(0)),
         }
     }
 
@@ -507,7 +507,7 @@ impl Problem {
     fn state(&self) -> State {
         match &*self.0 {
             Chosen::Free(p) => State(*p.initial()),
-            Chosen::Forced(p, ..) => State(*p.initial()),
+            Chosen::Forced(p, _) => State(*p.initial()),
         }
     }
 
@@ -516,7 +516,7 @@ impl Problem {
     fn reference(&self) -> State {
         match &*self.0 {
             Chosen::Free(p) => State(*p.reference()),
-            Chosen::Forced(p, ..) => State(*p.reference()),
+            Chosen::Forced(p, _) => State(*p.reference()),
         }
     }
 
@@ -525,7 +525,7 @@ impl Problem {
     fn t_end(&self) -> f64 {
         match &*self.0 {
             Chosen::Free(p) => p.t_end(),
-            Chosen::Forced(p, ..) => p.t_end(),
+            Chosen::Forced(p, _) => p.t_end(),
         }
     }
 
@@ -534,7 +534,7 @@ impl Problem {
     fn forces<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         match &*self.0 {
             Chosen::Free(_) => Ok(PyList::empty(py)),
-            Chosen::Forced(.., models) => models.to_python(py),
+            Chosen::Forced(_, models) => models.to_python(py),
         }
     }
 
@@ -686,7 +686,7 @@ pub(crate) fn convergence(
     let problem = Arc::clone(&problem.0);
     Ok(Convergence(study(py, move |progress| match &*problem {
         Chosen::Free(p) => order::convergence(p, method, options, &dts, progress),
-        Chosen::Forced(p, ..) => order::convergence(p, method, options, &dts, progress),
+        Chosen::Forced(p, _) => order::convergence(p, method, options, &dts, progress),
     })?))
 }
 
@@ -825,7 +825,7 @@ pub(crate) fn work_precision_study(
         Chosen::Free(p) => {
             work_precision::work_precision(p, &counted, method, options, &choices, repeats, progress)
         }
-        Chosen::Forced(p, ..) => {
+        Chosen::Forced(p, _) => {
             work_precision::work_precision(p, &counted, method, options, &choices, repeats, progress)
         }
     })?))
