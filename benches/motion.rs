@@ -3,14 +3,20 @@
 //! `cargo bench --bench motion`. Fits: 60 frames of the planar and of the spatial diver, who fold with a
 //! somersault, seen by 20 markers with 5 mm of noise; with postures to start from and without;
 //! with a robust loss; with one marker in five missing. Validations: scores of 40 and 80 motions of four joints, each left out, with 100
-//! resamples and shuffles, by each regression.
+//! resamples and shuffles, by each regression. Inertia: 200 attitudes of a tumble with 0.01 rad of noise.
 //!
 //! `make bench-peers` puts the components beside NumPy's singular values of the same matrix.
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, Vector3};
+use somersault::core::lie::so3;
+use somersault::core::random::SplitMix64;
+use somersault::integrators::body::RigidBody;
+use somersault::integrators::exact::FreeBody;
+use somersault::integrators::state::RigidBodyState;
 use somersault::motion::analysis::Pca;
 use somersault::motion::fit::{FitOptions, Loss, MarkerFit, MarkerSet};
+use somersault::motion::inertia::{InertiaOptions, estimate_inertia};
 use somersault::motion::recording::MarkerRecording;
 use somersault::motion::scoring::{
     Performance, RegressionMethod, ScoringOptions, ValidationOptions, validate,
@@ -144,5 +150,24 @@ fn validations(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, fits, components, synthetic, validations);
+fn inertia(c: &mut Criterion) {
+    let body = RigidBody::try_principal(1.0, Vector3::new(1.0, 2.0, 2.5)).expect("a body");
+    let start = RigidBodyState::spinning(Vector3::new(0.3, 1.0, 0.4));
+    let tumble = FreeBody::try_new(&body, &start).expect("finite");
+    let times: Vec<f64> = (0..200).map(|k| 0.1 * f64::from(k)).collect();
+    let mut random = SplitMix64::new(1);
+    let mut off = || 12f64.sqrt() * 0.01 * (random.unit() - 0.5);
+    let attitude = |t: &f64| {
+        let shaken = so3::exp(&Vector3::new(off(), off(), off()));
+        tumble.at(*t).expect("finite").orientation() * shaken
+    };
+    let seen: Vec<_> = times.iter().map(attitude).collect();
+    c.bench_function("inertia, 200 attitudes", |b| {
+        b.iter(|| {
+            estimate_inertia(&times, black_box(&seen), &InertiaOptions::default()).expect("valid").ratios
+        })
+    });
+}
+
+criterion_group!(benches, fits, components, synthetic, validations, inertia);
 criterion_main!(benches);

@@ -54,8 +54,6 @@ from somersault._body_models import read_amass
 from somersault._markers import low_pass, place_markers
 from somersault._somersault import motion as _extension
 from somersault._somersault.motion import *  # noqa: F403
-from somersault._tumble import InertiaEstimate, estimate_inertia
 
-__all__ = ["FlightAnalysis", "InertiaEstimate", "analyse", "estimate_inertia", "low_pass", "place_markers"]
-__all__ += ["read_amass"]
+__all__ = ["FlightAnalysis", "analyse", "low_pass", "place_markers", "read_amass"]
 __all__ += _extension.__all__

@@ -22,7 +22,6 @@ RESULTS = (
     "Failure",
     "FlightAnalysis",
     "FtleField",
-    "InertiaEstimate",
     "LyapunovSpectrum",
     "MinimizeResult",
     "Ridge",

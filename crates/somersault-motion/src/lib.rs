@@ -16,6 +16,7 @@
 //! | markers of a flight → momentum and motion that obey the laws of flight | [`reconstruction`] | – |
 //! | a reconstructed flight → dive number and figures, with intervals | [`identification`] | – |
 //! | a reconstructed flight flown again with a change → advice for the entry | [`advice`] | – |
+//! | attitudes of a free body → its inertia up to a factor, with intervals | [`inertia`] | – |
 //! | eigenpostures of motions, projection on a base, comparison of groups | [`analysis`] | 4.1.1, 4.2 |
 //! | motions with scores that users provide | [`judged`] | 4.1.2 |
 //! | motions → scores | [`scoring`] | 4.1 |
@@ -36,6 +37,7 @@ pub mod advice;
 pub mod analysis;
 pub mod fit;
 pub mod identification;
+pub mod inertia;
 pub mod judged;
 mod noise;
 pub mod phases;

@@ -17,6 +17,7 @@
 //! Source: A. C. Harvey, *Forecasting, Structural Time Series Models and the Kalman Filter*, Cambridge University Press 1989,
 //! chapter 3.
 
+use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 use somersault_core::argument::{ArgumentError, expect_positive, expect_range};
 
@@ -82,6 +83,14 @@ impl Whitening {
 pub(crate) fn chi_squared_quantile(n: usize, z: f64) -> f64 {
     let spread = 2.0 / (9.0 * n as f64);
     (1.0 - spread + z * spread.sqrt()).powi(3)
+}
+
+/// A number from the standard normal distribution, after G. E. P. Box and M. E. Muller, Ann. Math. Statist. 29
+/// (1958), 610.
+pub(crate) fn standard_normal(rng: &mut impl Rng) -> f64 {
+    // 1 − u is never zero
+    let (u, turn): (f64, f64) = (rng.random(), rng.random());
+    (-2.0 * (1.0 - u).ln()).sqrt() * (std::f64::consts::TAU * turn).cos()
 }
 
 /// The least fraction of the variance that is white: frames never repeat each other.

@@ -4,8 +4,10 @@ from typing import IO, Any, Literal, TypeAlias, final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 from somersault._somersault import _Floats, _NumberOrRange
+from somersault._somersault.exact import FreeBody
 from somersault._somersault.multibody import Diver, Model
 from somersault._somersault.ocp import EigenpostureBase
 
@@ -21,6 +23,7 @@ __all__ = [
     "FlightPhase",
     "FlightReport",
     "GroupComparison",
+    "InertiaEstimate",
     "JudgedSet",
     "KeypointRecording",
     "MarkerFit",
@@ -48,6 +51,7 @@ __all__ = [
     "advise_flight",
     "common_eigenpostures",
     "eigenpostures_per_motion",
+    "estimate_inertia",
     "find_flight",
     "identify_flight",
     "normalize_frames",
@@ -571,6 +575,47 @@ def find_flight(
     times: ArrayLike | None = None,
     gravity: float | None = None,
 ) -> FlightPhase: ...
+
+@final
+class InertiaEstimate:
+    @property
+    def status(
+        self,
+    ) -> Literal["identified", "symmetric", "steady", "weak", "undersampled", "misfit"]: ...
+    @property
+    def reason(self) -> str: ...
+    @property
+    def success(self) -> bool: ...
+    @property
+    def ratios(self) -> _Floats: ...
+    @property
+    def ratio_intervals(self) -> _Floats: ...
+    @property
+    def axes(self) -> _Floats: ...
+    @property
+    def axis_errors(self) -> _Floats: ...
+    @property
+    def inertia(self) -> _Floats: ...
+    @property
+    def angular_velocity(self) -> _Floats: ...
+    @property
+    def angular_velocity_errors(self) -> _Floats: ...
+    @property
+    def momentum_direction(self) -> _Floats: ...
+    @property
+    def momentum_error(self) -> float: ...
+    @property
+    def noise(self) -> float: ...
+    @property
+    def residuals(self) -> _Floats: ...
+    @property
+    def level(self) -> float: ...
+    @property
+    def motion(self) -> FreeBody | None: ...
+
+def estimate_inertia(
+    t: ArrayLike, orientation: Rotation | ArrayLike, *, noise: float | None = None, level: float = 0.95
+) -> InertiaEstimate: ...
 
 @final
 class FlightReport:

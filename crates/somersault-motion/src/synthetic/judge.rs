@@ -1,8 +1,8 @@
 //! The **synthetic** judge.
 
 use super::SyntheticError;
-use super::markers::standard_normal;
 use crate::analysis::DiveFaults;
+use crate::noise::standard_normal;
 use rand::Rng;
 use somersault_core::argument::expect_not_negative;
 

@@ -2,9 +2,10 @@
 
 use super::SyntheticError;
 use crate::fit::MarkerSet;
+use crate::noise::standard_normal;
 use crate::recording::MarkerRecording;
 use nalgebra::Vector3;
-use rand::{Rng, RngExt, SeedableRng};
+use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use somersault_core::argument::{expect_length, expect_not_negative};
 use somersault_multibody::{Data, Model};
@@ -33,12 +34,4 @@ pub fn synthetic_markers(
     }
     let names = markers.markers().iter().map(|m| m.name.clone()).collect();
     Ok(MarkerRecording::try_new(names, times.to_vec(), points)?)
-}
-
-/// A number from the standard normal distribution, after G. E. P. Box and M. E. Muller, Ann. Math. Statist. 29
-/// (1958), 610.
-pub(super) fn standard_normal(rng: &mut impl Rng) -> f64 {
-    // 1 − u is never zero
-    let (u, turn): (f64, f64) = (rng.random(), rng.random());
-    (-2.0 * (1.0 - u).ln()).sqrt() * (std::f64::consts::TAU * turn).cos()
 }

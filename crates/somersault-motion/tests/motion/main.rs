@@ -9,6 +9,7 @@ mod fitting;
 mod groups;
 mod hostile;
 mod identification;
+mod inertia;
 mod judged;
 mod phases;
 mod readers;

@@ -324,6 +324,63 @@ pub(crate) fn orientation(argument: &str, value: &Bound<'_, PyAny>) -> Result<Un
     }
 }
 
+/// The least length of a quaternion that tells a rotation, and how far RRᵀ of a measured rotation matrix may be from the identity.
+const SHORT: f64 = 1e-6;
+const NEARLY_ORTHOGONAL: f64 = 1e-3;
+
+/// As many orientations: rotation objects, quaternions (x, y, z, w) of any length, or matrices that are orthogonal as measured ones are.
+pub(crate) fn orientations(
+    argument: &str,
+    count: usize,
+    value: &Bound<'_, PyAny>,
+) -> Result<Vec<UnitQuaternion<f64>>, Error> {
+    let expected = format!("{count} Rotations, quaternions (x, y, z, w) or matrices");
+    let wrong = |shape: &[usize]| {
+        let shape = shape_text(shape);
+        Error::input(format!("`{argument}` must be {expected}, found shape {shape}"))
+    };
+    let is_rotation = value.is_instance(rotation_class(value.py())?)?;
+    let found = if is_rotation {
+        numbers(argument, &expected, &value.call_method0("as_quat")?)?
+    } else {
+        numbers(argument, &expected, value)?
+    };
+    let is_matrices = found.shape == [count, 3, 3];
+    if !is_matrices && found.shape != [count, 4] {
+        return Err(wrong(&found.shape));
+    }
+    check_finite(argument, &found.values)?;
+    if is_matrices {
+        return found.values.chunks_exact(9).map(|m| measured_matrix(argument, m)).collect();
+    }
+    let rotation = |values: &[f64]| {
+        let q = Quaternion::new(values[3], values[0], values[1], values[2]);
+        let length = q.norm();
+        if length < SHORT {
+            return Err(Error::input(format!(
+                "`{argument}` must have quaternions of length 1, found one of {length:.3}"
+            )));
+        }
+        quaternion(argument, values)
+    };
+    found.values.chunks_exact(4).map(rotation).collect()
+}
+
+/// The rotation nearest to a matrix that is nearly one.
+fn measured_matrix(argument: &str, values: &[f64]) -> Result<UnitQuaternion<f64>, Error> {
+    let m = Matrix3::from_row_slice(values);
+    let off = (m * m.transpose() - Matrix3::identity()).amax();
+    if off > NEARLY_ORTHOGONAL || m.determinant() < 0.0 {
+        return Err(Error::input(format!(
+            "`{argument}` must have rotation matrices, orthogonal, right-handed, found one off by {off:.1e} and of determinant {:.3}",
+            m.determinant()
+        )));
+    }
+    let guess = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(m));
+    let guess = UnitQuaternion::new_normalize(guess.into_inner());
+    Ok(UnitQuaternion::from_matrix_eps(&m, f64::EPSILON, 100, guess))
+}
+
 /// Times, and whether they are a single number.
 pub(crate) fn times(argument: &str, value: &Bound<'_, PyAny>) -> Result<(bool, Vec<f64>), Error> {
     if let Ok(t) = value.cast::<PyFloat>() {

@@ -26,6 +26,7 @@ use somersault::motion::advice::AdviceError;
 use somersault::motion::analysis::AnalysisError;
 use somersault::motion::fit::FitError;
 use somersault::motion::identification::IdentificationError;
+use somersault::motion::inertia::InertiaEstimateError;
 use somersault::motion::phases::PhaseError;
 use somersault::motion::reconstruction::ReconstructionError;
 use somersault::motion::recording::RecordingError;
@@ -192,6 +193,7 @@ inputs!(
     FreeBodyError,
     GyrostatError,
     InertiaError,
+    InertiaEstimateError,
     JointMotionError,
     ModelError,
     PostureError,

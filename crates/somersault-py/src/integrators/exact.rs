@@ -66,7 +66,7 @@ pub(crate) struct FreeBody {
 impl FreeBody {
     #[new]
     #[pyo3(signature = (body, state, t0=0.0))]
-    fn new(body: RigidBody, state: State, t0: f64) -> Result<Self, Error> {
+    pub(crate) fn new(body: RigidBody, state: State, t0: f64) -> Result<Self, Error> {
         let motion = exact::FreeBody::try_new(&body.0, &state.0)?;
         Ok(Self { body, start: state, t0: finite("t0", t0)?, motion })
     }

@@ -8,6 +8,7 @@ mod faults;
 mod fit;
 mod groups;
 mod identification;
+mod inertia;
 mod judged;
 mod keypoints;
 mod markers;
@@ -41,6 +42,8 @@ pub(crate) mod module {
     use crate::motion::groups::{Band, GroupComparison, normalize_frames, somersaults};
     #[pymodule_export]
     use crate::motion::identification::{FlightReport, identify_flight};
+    #[pymodule_export]
+    use crate::motion::inertia::{InertiaEstimate, estimate_inertia};
     #[pymodule_export]
     use crate::motion::judged::{JudgedSet, read_judged};
     #[pymodule_export]
