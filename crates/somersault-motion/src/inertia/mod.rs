@@ -17,8 +17,9 @@
 //!    leaves independent noise alone, three more begin near it, in search of another inertia that fits as well.
 //! 3. **Verdict.** With the derivative J of the residuals the covariance is (JᵀJ)⁻¹ σ², from which intervals follow by linearisation. The
 //!    residuals are tested for their size, where the noise is known, and for the correlation of neighbours, at the level 10⁻⁶; the motion
-//!    against steady rotation about an axis, each pair of moments against equality, and each other fit against the best, at the level 10⁻³. A fit whose
-//!    search did not end is no success.
+//!    against steady rotation about an axis, each pair of moments against equality, and each other fit against the best, at the level
+//!    10⁻³. Two moments that are taken for equal differ by at most 5 % at the level of the intervals, which include that difference.
+//!    A fit whose search did not end is no success.
 //!
 //! What is not determined is NaN, and the [status](InertiaStatus) says why.
 //!
@@ -86,7 +87,7 @@ impl Default for InertiaOptions {
 pub enum InertiaStatus {
     /// Inertia and axes.
     Identified,
-    /// The inertia; two moments are equal within their errors, so that the principal axes in their plane are any.
+    /// The inertia; two moments are equal within their errors and differ by at most 5 %, so that the principal axes in their plane are any.
     Symmetric,
     /// The axis of a steady rotation, which says nothing of the moments.
     Steady,

@@ -20,6 +20,10 @@ const SURE: f64 = 1e-3;
 const APART: f64 = 6.0;
 /// Half width of the interval of a ratio beyond which it says little.
 const WIDE: f64 = 0.25;
+/// What two moments that are taken for equal may differ by, as a fraction of their mean.
+const DIFFERENT: f64 = 0.05;
+/// The principal moments in their order.
+const NAMES: [&str; 3] = ["least", "middle", "greatest"];
 /// Singular values below this fraction of the greatest are zero.
 const SINGULAR: f64 = 1e-14;
 
@@ -146,7 +150,18 @@ pub(super) fn judge(
         );
     }
     if let [pair] = moments.equal[..] {
-        moments.make_equal(&mut found, pair, fit, &covariance);
+        let bound = moments.greatest_difference(pair);
+        if bound > DIFFERENT || pair[1] - pair[0] > 1 {
+            let [one, other] = pair.map(|k| NAMES[k]);
+            let bound = significant(bound, 2);
+            return is_weak(
+                found,
+                format!(
+                    "the {one} and the {other} moment may be equal, but differ by up to a fraction of {bound}"
+                ),
+            );
+        }
+        moments.make_equal(&mut found, pair, bound, fit, &covariance);
     }
     Ok(found)
 }
@@ -249,15 +264,23 @@ impl Moments {
         found
     }
 
-    /// Says of a pair of moments that they are equal.
+    /// What two moments differ by at most, at the level of the intervals, as a fraction of their mean.
+    fn greatest_difference(&self, [i, j]: [usize; 2]) -> f64 {
+        let mut apart = Vector6::zeros();
+        (apart[i], apart[j]) = (-1.0, 1.0);
+        let half_width = self.quantile * apart.dot(&(self.within * apart)).max(0.0).sqrt();
+        (self.ratios[j] - self.ratios[i] + half_width) / (0.5 * (self.ratios[i] + self.ratios[j]))
+    }
+
+    /// Says of a pair of moments that they are equal, whose difference is at most `bound` of their mean.
     fn make_equal(
         &self,
         found: &mut InertiaEstimate,
         [i, j]: [usize; 2],
+        bound: f64,
         fit: &Fit,
         covariance: &Covariance,
     ) {
-        const NAMES: [&str; 3] = ["least", "middle", "greatest"];
         let third = 3 - i - j;
         // the third moment as a fraction of the mean of the two, which is not drawn apart by noise
         let of_pair = |x: &Unknowns| {
@@ -266,13 +289,18 @@ impl Moments {
         };
         let ratio = of_pair(&fit.x)[0];
         let off = self.quantile * errors(&slopes(of_pair, &fit.x), covariance)[0];
-        let mut known = [ratio, ratio - off, ratio + off];
-        if third == 2 {
-            known = [1.0 / ratio, 1.0 / (ratio + off), 1.0 / (ratio - off)];
-        }
+        // each of the two is by up to half the bound away from their mean
+        let [below, above] = [1.0 - 0.5 * bound, 1.0 + 0.5 * bound];
+        let of_third = [ratio, (ratio - off) * below, ratio + off];
+        let of_two = [1.0 / ratio, below / (ratio + off), above / (ratio - off)];
         for k in 0..3 {
-            let [value, low, high] = if (k == third) == (third == 2) { [1.0; 3] } else { known };
-            (found.ratios[k], found.ratio_intervals[k]) = (value, [low, high]);
+            let [value, low, high] = match (k == third, third == 2) {
+                (true, false) => of_third,
+                (false, true) => of_two,
+                (false, false) if k < 2 => [1.0, 1.0 - bound, 1.0],
+                (true, true) | (false, false) => [1.0; 3],
+            };
+            (found.ratios[k], found.ratio_intervals[k]) = (value, within_one([low, high]));
             if k != third {
                 found.axes.column_mut(k).fill(f64::NAN);
             }

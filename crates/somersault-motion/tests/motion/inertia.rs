@@ -56,6 +56,28 @@ impl Tumble {
 }
 
 #[test]
+fn what_is_called_equal_is_equal_within_the_intervals() {
+    let mut equal = 0;
+    for k in 0..12 {
+        let middle = 1.0 - 0.012 * f64::from(k);
+        for (moments, noise) in [([0.3, middle, 1.0], 0.1), ([0.75 - 0.02 * f64::from(k), 0.75, 1.0], 0.03)] {
+            let Tumble { times, seen, .. } = &tumble(moments, [0.4, 0.6, 0.3], noise);
+            let found = estimate_inertia(times, seen, &InertiaOptions::default()).unwrap();
+            if !found.success() {
+                continue;
+            }
+            equal += usize::from(found.status == InertiaStatus::Symmetric);
+            for (truth, [low, high]) in moments.into_iter().zip(found.ratio_intervals) {
+                // three times the half width is some six standard deviations
+                let beyond = (high - low).max(1e-3);
+                assert!((low - beyond..=high + beyond).contains(&truth), "{moments:?} {noise}: {found:?}");
+            }
+        }
+    }
+    assert!(equal > 0, "none is called equal");
+}
+
+#[test]
 fn exact_attitudes_give_the_inertia_to_rounding_and_noise_what_intervals_say() {
     let (moments, spin) = ([1.0, 2.0, 2.5], [0.3, 1.0, 0.4]);
     let exact = tumble(moments, spin, 0.0);

@@ -141,7 +141,7 @@ type Numbers<'py> = (
 
 value! {
     impl InertiaEstimate {
-        /// str: ``'identified'``, inertia and axes are determined; ``'symmetric'``, two moments are equal within their errors, so that the principal
+        /// str: ``'identified'``, inertia and axes are determined; ``'symmetric'``, two moments are equal within their errors and differ by at most 5 %, so that the principal
         /// axes in their plane are any; ``'steady'``, the body turns steadily about one axis, which says nothing of its moments; ``'weak'``, an
         /// interval is so wide that it says little, or inertias that differ much fit as well; ``'undersampled'``, the attitudes are too far apart;
         /// ``'misfit'``, the record is not that of a free rigid body with independent noise.
