@@ -111,6 +111,14 @@ def test_pages_with_rust_are_read_by_cargo_test() -> None:
             assert f'include_str!("../{page.relative_to(ROOT)}")' in read
 
 
+#: Leaves no names and no figures of another notebook.
+_FORGET = """
+import matplotlib.pyplot as plt
+plt.close("all")
+%reset -f
+"""
+
+
 @pytest.fixture(scope="module")
 def kernel() -> Iterator[tuple[Any, Any]]:
     """A kernel for all notebooks and its client: a start takes longer than most of them."""
@@ -133,7 +141,7 @@ def test_notebooks_run_without_names_from_before(path: Path, kernel: tuple[Any, 
     skip_without("\n".join(cell.source for cell in notebook.cells))
     nbformat.validate(notebook)
     stored = _shown(notebook)
-    notebook.cells.insert(0, nbformat.v4.new_code_cell("%reset -f"))
+    notebook.cells.insert(0, nbformat.v4.new_code_cell(_FORGET))
     runner = nbclient.NotebookClient(notebook, km=kernel[0], timeout=120)
     runner.kc = kernel[1]
     runner.execute()

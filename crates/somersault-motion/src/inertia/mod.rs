@@ -254,7 +254,7 @@ pub fn estimate_inertia_cancellable(
         orientations.windows(2).map(|pair| so3::angle_between(&pair[0], &pair[1])).collect();
     let median = median(&turns);
     if median > FAR {
-        let turn = verdict::significant(median, 2);
+        let turn = significant(median, 2);
         let reason = format!(
             "the body turns by {turn} rad between attitudes, more than {FAR}: the way round is doubtful"
         );
@@ -271,4 +271,14 @@ fn median(numbers: &[f64]) -> f64 {
     sorted.sort_by(f64::total_cmp);
     let n = sorted.len();
     0.5 * (sorted[(n - 1) / 2] + sorted[n / 2])
+}
+
+/// A number in so many significant digits.
+fn significant(x: f64, digits: usize) -> String {
+    let rounded: f64 = format!("{x:.*e}", digits - 1).parse().unwrap_or(x);
+    if rounded != 0.0 && !(1e-4..1e6).contains(&rounded.abs()) {
+        format!("{rounded:e}")
+    } else {
+        rounded.to_string()
+    }
 }

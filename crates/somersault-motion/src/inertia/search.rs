@@ -1,11 +1,10 @@
 //! Fits of the motion of a free body from several starts.
 
-use super::InertiaEstimateError;
 use super::descent::{Until, descend};
 use super::distribution::{chi_squared_tail, normal_tail};
 use super::problem::{Motion, OF_INERTIA, Record, Squares, UNKNOWNS, Unknowns, numbers_of};
 use super::triangle::{Triangle, singular};
-use super::verdict::significant;
+use super::{InertiaEstimateError, significant};
 use crate::noise::standard_normal;
 use nalgebra::{DVector, Matrix3, SymmetricEigen, UnitQuaternion, Vector3};
 use rand::SeedableRng;

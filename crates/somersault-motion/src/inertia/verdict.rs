@@ -5,7 +5,9 @@ use super::distribution::{chi_squared_tail, f_tail, two_sided_quantile};
 use super::problem::{Motion, OF_INERTIA, Principal, Record, Squares, UNKNOWNS, Unknowns, slopes, step};
 use super::search::{Fit, PRECISE, PRIOR, ROUNDING};
 use super::triangle::singular;
-use super::{FittedMotion, InertiaEstimate, InertiaEstimateError, InertiaOptions, InertiaStatus};
+use super::{
+    FittedMotion, InertiaEstimate, InertiaEstimateError, InertiaOptions, InertiaStatus, significant,
+};
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x6, Matrix3, Matrix6, SMatrix, SVector};
 use nalgebra::{SymmetricEigen, UnitQuaternion, Vector3, Vector6};
 use somersault_core::Inertia;
@@ -29,16 +31,6 @@ const SINGULAR: f64 = 1e-14;
 
 /// A covariance of the unknowns.
 type Covariance = SMatrix<f64, UNKNOWNS, UNKNOWNS>;
-
-/// A number in so many significant digits.
-pub(super) fn significant(x: f64, digits: usize) -> String {
-    let rounded: f64 = format!("{x:.*e}", digits - 1).parse().unwrap_or(x);
-    if rounded != 0.0 && !(1e-4..1e6).contains(&rounded.abs()) {
-        format!("{rounded:e}")
-    } else {
-        rounded.to_string()
-    }
-}
 
 /// What `fits`, the best first, say.
 pub(super) fn judge(
