@@ -267,6 +267,7 @@ impl Search<'_> {
         x.fixed_rows_mut::<3>(8).copy_from(&rate);
         loop {
             let within = |turned: &f64| *turned <= reach;
+            // the attitude in the middle is always within: the turns are counted from it
             let first = self.turned.iter().position(within).unwrap_or(record.middle);
             let last = self.turned.iter().rposition(within).unwrap_or(record.middle);
             let part = first..last + 1;
