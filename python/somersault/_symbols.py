@@ -23,7 +23,13 @@ from somersault._somersault.expr import ExpressionGraph
 from somersault.errors import InputError, TraceError
 
 #: Modules whose lines are not those of the user's function.
-_OURS = ("somersault._symbols", "somersault._external", "somersault.expr", "numpy")
+_OURS = (
+    "somersault._symbols",
+    "somersault._external",
+    "somersault._traced_force",
+    "somersault.expr",
+    "numpy",
+)
 
 
 def _is_of_user(frame: FrameType) -> bool:

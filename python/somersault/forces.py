@@ -20,7 +20,9 @@ from somersault._somersault.forces import (
     SolarPressure,
     Spring,
     Torque,
+    TracedForce,
 )
+from somersault._traced_force import traced
 
 __all__ = [
     "AerodynamicDrag",
@@ -38,4 +40,6 @@ __all__ = [
     "SolarPressure",
     "Spring",
     "Torque",
+    "TracedForce",
+    "traced",
 ]

@@ -43,6 +43,7 @@ orbit.velocity(1.0)
 orbit.frame(1.0)
 plate = forces.Plate(2.0, (0.0, 0.0, 1.0), (0.1, 0.2, 0.3), 0.2, 0.3)
 forces.GravityGradient(orbit)
+forces.traced(lambda t, state: (-state.position, (0, 0, 0)))
 forces.MagneticDipole((1.0, 2.0, 3.0), (0.1, 0.2, 0.3), orbit)
 forces.AerodynamicDrag(orbit, [plate, plate], 1e-12, 2.2)
 forces.SolarPressure((0.0, 0.0, 1.0), [plate], 4.5e-6)
@@ -221,6 +222,19 @@ somersault.batch.integrate_arrays(
     velocity=np.ones((2, 3)),
     gravity=(0.0, 0.0, -9.81),
     t_eval=[0.0, 0.05],
+)
+somersault.batch.integrate_arrays(
+    np.ones((2, 3)),
+    np.tile([0, 0, 0, 1.0], (2, 1)),
+    np.ones((2, 3)),
+    (0.0, 0.1),
+    method="rkmk8_b",
+    forces=[spring, None],
+    rtol=1e-6,
+    atol=1e-8,
+    max_step=0.1,
+    first_step=0.01,
+    max_steps=1000,
 )
 free = exact.FreeBody(body, state, 0.0)
 free([0.1, 0.2])
@@ -724,6 +738,7 @@ compiled.hessian([0.1, 0.2, 1.0, 1.0])
 compiled.jacobian_pattern()
 compiled.hessian_pattern()
 compiled.derivative("angle")
+forces.TracedForce(somersault.expr.Function(lambda x: x[:6], x=33)._compiled)
 
 
 # Sweeps, files, pages

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import somersault
-from somersault import RigidBody, State, batch
+from somersault import RigidBody, State, batch, forces
 
 
 def test_a_batch_is_its_bodies_one_by_one(body: RigidBody) -> None:
@@ -116,3 +116,83 @@ def test_bad_input(body: RigidBody, state: State) -> None:
     wild = State(angular_velocity=(1e200, 1e200, 1e200))
     with pytest.raises(somersault.errors.IntegrationError, match="the state of body 1 stopped being finite"):
         batch.integrate_batch(body, [state, wild], (0.0, 1.0), 0.01)
+
+
+def wind(t: float, state: State) -> tuple[object, object]:
+    return 0.3 * (np.array([np.sin(t), 2.0, 0.0]) - state.velocity), -0.05 * state.angular_velocity
+
+
+@pytest.mark.parametrize(
+    "steps", [{"dt": 0.02}, {"dt": [0.01, 0.02, 0.03], "method": "rkmk8_b"}, {"rtol": 1e-9}]
+)
+def test_a_batch_under_forces_is_its_bodies_one_by_one(steps: dict[str, object]) -> None:
+    rng = np.random.default_rng(20261127)
+    bodies = [RigidBody.box(m, rng.uniform(0.5, 1.0, 3)) for m in (1.0, 2.0, 3.0)]
+    states = [
+        State(rng.normal(size=3), rng.normal(size=4), rng.normal(size=3), rng.normal(size=3)) for _ in bodies
+    ]
+    spring, torque = forces.Spring(3.0, attachment=(0.1, 0.2, 0.3)), forces.Torque((0.1, 0.0, 0.2), "body")
+    models, times = [[spring, torque], None, forces.traced(wind)], [0.1, 0.55, 1.0]
+    motion = batch.integrate_batch(
+        bodies, states, (0.0, 1.0), forces=models, t_eval=times, gravity=(0, 0, -9.81), **steps
+    )  # type: ignore[call-overload]
+    for i, (b, x, model) in enumerate(zip(bodies, states, models, strict=True)):
+        alone = dict(steps)
+        alone.setdefault("method", "rkmk_b" if "dt" in alone else "rkmk8_b")
+        if isinstance(alone.get("dt"), list):
+            alone["dt"] = alone["dt"][i]  # type: ignore[index]
+        acting = [*(model if isinstance(model, list) else [model] if model else []), forces.Gravity()]
+        one = somersault.integrate(b, x, (0.0, 1.0), forces=acting, t_eval=times, **alone)  # type: ignore[arg-type]
+        assert one.t.tolist() == times
+        np.testing.assert_array_equal(motion.position[:, i], one.position)
+        np.testing.assert_array_equal(motion.quaternion[:, i], one.quaternion)
+        np.testing.assert_array_equal(motion.angular_velocity[:, i], one.angular_velocity)
+
+
+def test_one_model_acts_on_all_bodies_of_arrays() -> None:
+    rng, n = np.random.default_rng(4), 70
+    moments, spin = np.array([0.4, 0.5, 0.6]) * rng.uniform(1, 2, (n, 1)), rng.normal(size=(n, 3))
+    upright, mass = np.tile([0.0, 0.0, 0.0, 1.0], (n, 1)), rng.uniform(1.0, 2.0, n)
+    model, options = forces.traced(wind), {"mass": mass, "velocity": spin[::-1]}
+    traced = batch.integrate_arrays(moments, upright, spin, (0.0, 1.0), 0.02, forces=model, **options)  # type: ignore[arg-type]
+    called = batch.integrate_arrays(moments, upright, spin, (0.0, 1.0), 0.02, forces=wind, **options)  # type: ignore[arg-type]
+    np.testing.assert_allclose(traced.quaternion, called.quaternion, atol=1e-13)
+    np.testing.assert_allclose(traced.velocity, called.velocity, atol=1e-13)
+    # free bodies by another method, which takes no torque, and by adapted steps
+    exact = [
+        somersault.exact.FreeBody(RigidBody(1.0, m), State(angular_velocity=w))(1.0).quaternion
+        for m, w in zip(moments, spin, strict=True)
+    ]
+    for free in ({"dt": 0.01, "method": "pmv10"}, {"rtol": 1e-11, "atol": 1e-11}):
+        motion = batch.integrate_arrays(moments, upright, spin, (0.0, 1.0), **free)  # type: ignore[arg-type]
+        assert np.all(np.abs(np.sum(exact * motion.quaternion[-1], axis=1)) > 1 - 1e-12)
+
+
+def test_bad_forces_of_a_batch(body: RigidBody, state: State) -> None:
+    def run(**options: object) -> object:
+        return batch.integrate_batch([body] * 3, [state] * 3, (0.0, 1.0), **options)  # type: ignore[arg-type]
+
+    def refuses(t: float, state: State) -> tuple[object, object]:
+        raise ZeroDivisionError("no such force")
+
+    torque = forces.Torque((0.1, 0.0, 0.0))
+    for options, error, message in (
+        ({"dt": 0.1, "rtol": 1e-6}, somersault.InputError, "`rtol` is for adaptive steps"),
+        (
+            {"dt": 0.1, "forces": [torque]},
+            somersault.InputError,
+            "`forces` must have one entry for each of 3",
+        ),
+        ({"dt": 0.1, "forces": 3}, somersault.InputError, "`forces` must hold force models or callables"),
+        (
+            {"dt": 0.1, "method": "pmv10", "forces": [None, torque, None]},
+            somersault.InputError,
+            "body 1: .*torque",
+        ),
+        ({"dt": 0.1, "method": "rkmk9"}, somersault.InputError, "rkmk9.*did you mean"),
+        ({"method": "ab4"}, somersault.InputError, "give it a fixed step `dt`"),
+        ({"dt": 0.1, "forces": refuses}, ZeroDivisionError, "no such force"),
+        ({"max_steps": 2, "max_step": 1e-3}, somersault.errors.IntegrationError, "body 0: "),
+    ):
+        with pytest.raises(error, match=message):
+            run(**options)

@@ -31,6 +31,7 @@ RESULTS = (
     "SceneMode",
     "SceneResult",
     "Sweep",
+    "TracedForce",
 )
 #: The program, whose examples are the commands on the pages of the book; `test_book` runs them.
 PROGRAMS = ("somersault.cli.main",)

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from somersault import RigidBody, State, forces
+import somersault
+from somersault import RigidBody, State, contact, forces
 
 
 def check(model: forces.ForceModel, body: RigidBody, state: State, force: object, torque: object) -> None:
@@ -55,3 +56,101 @@ def test_parameters_can_be_read_and_the_base_not_made() -> None:
     assert forces.Gravitation().constant == 6.6743e-11
     with pytest.raises(TypeError):
         forces.ForceModel()
+
+
+def everything(t: float, state: State) -> tuple[object, object]:
+    """A wrench of all that a state has."""
+    lever = state.orientation.apply([0.1, -0.2, 0.3])
+    against = state.orientation.apply(state.position, inverse=True)
+    turned = state.orientation.inv().apply(state.velocity) + state.orientation.as_matrix() @ state.position
+    force = np.sin(t) * state.position + np.linalg.norm(state.velocity) * state.velocity + lever
+    torque = np.cross(lever, state.velocity) - 0.3 * state.angular_velocity + against * state.quaternion[3]
+    return force + turned, torque + state.orientation.as_quat()[:3] + state.angular_velocity_body
+
+
+def test_a_traced_force_is_its_function(body: RigidBody) -> None:
+    model, rng = forces.traced(everything), np.random.default_rng(20261127)
+    for t in rng.normal(size=20):
+        state = State(rng.normal(size=3), rng.normal(size=4), rng.normal(size=3), rng.normal(size=3))
+        for found, expected in zip(model.wrench(t, body, state), everything(t, state), strict=True):
+            np.testing.assert_allclose(found, expected, rtol=1e-13, atol=1e-14)  # type: ignore[arg-type]
+
+
+def test_a_traced_force_may_depend_on_the_body(body: RigidBody, state: State) -> None:
+    model = forces.traced(
+        lambda t, state, body: (body.mass * state.position, body.inertia @ state.angular_velocity)
+    )
+    check(model, body, state, body.mass * state.position, body.inertia @ state.angular_velocity)
+
+
+def test_a_motion_under_a_traced_force_is_that_under_the_model(body: RigidBody, state: State) -> None:
+    drag = forces.Drag(0.2, 0.3, 0.4)
+    same = forces.traced(
+        lambda t, x: (
+            -(0.2 + 0.3 * np.linalg.norm(x.velocity)) * x.velocity,
+            -0.4 * x.angular_velocity,
+        )
+    )
+    ends = [
+        somersault.integrate(body, state, (0.0, 1.0), dt=0.1, forces=force, method=method)
+        for method in ("rkmk8_b", "radau5")
+        for force in (drag, same)
+    ]
+    for one, other in (ends[:2], ends[2:]):
+        np.testing.assert_allclose(one.quaternion[-1], other.quaternion[-1], atol=1e-13)
+        np.testing.assert_allclose(one.position[-1], other.position[-1], atol=1e-13)
+
+
+def test_derivatives_of_a_motion_under_a_traced_force_are_those_under_the_model() -> None:
+    body = RigidBody.box(1.0, (0.2, 0.3, 0.4))
+    touch = contact.Contact((0.0, 0.0, -0.1), contact.HalfSpace(), contact.CompliantLaw(1e4, 10.0))
+    start = State((0.0, 0.0, 0.2), (0.1, 0.2, 0.3, 0.9), (0.3, 0.0, 0.0), (0.0, 1.0, 2.0))
+    spring = forces.Spring(3.0, (1, 1, 1), (0.1, 0.2, 0.3), damping=0.7)
+
+    def same(t: float, x: State) -> tuple[object, object]:
+        arm = x.orientation.apply([0.1, 0.2, 0.3])
+        span = x.position + arm - [1, 1, 1]
+        along = span / np.linalg.norm(span)
+        rate = along @ (x.velocity + np.cross(x.angular_velocity, arm))
+        force = -3.0 * span - 0.7 * rate * along
+        return force, np.cross(arm, force)
+
+    found = [
+        contact.differentiate(
+            body, start, (0.0, 0.2), dt=1e-3, contacts=[touch], forces=[forces.Gravity(), force]
+        )
+        for force in (spring, forces.traced(same))
+    ]
+    assert found[0].events
+    by_state = [each.by_state for each in found]
+    assert np.abs(by_state[0] - by_state[1]).max() < 1e-11 * np.abs(by_state[0]).max()
+
+
+@pytest.mark.parametrize(
+    ("function", "error", "message"),
+    [
+        (3, somersault.InputError, "`f` must be a function, found int"),
+        (lambda t: None, somersault.InputError, r"`f` must take \(t, state\) or \(t, state, body\), found"),
+        (lambda t, x: x.position, somersault.InputError, "must return a pair .* of shape"),
+        (lambda t, x: (x.position, 0.0), somersault.InputError, r"each of shape \(3,\), found shape \(\)"),
+        (
+            lambda t, x: (x.position if x.velocity[0] > 0 else -x.position, x.velocity),
+            somersault.errors.TraceError,
+            r"test_forces.py, line \d+.*np.where",
+        ),
+        (
+            lambda t, x: (x.orientation.as_euler("xyz"), x.velocity),
+            somersault.errors.TraceError,
+            r"`orientation.as_euler` of a state cannot be traced",
+        ),
+        (
+            lambda t, x, body: (x.position, body.principal_moments),
+            somersault.errors.TraceError,
+            r"`principal_moments` of a body cannot be traced",
+        ),
+        (lambda t, x: (x.positions, x.velocity), somersault.errors.TraceError, "AttributeError.*positions"),
+    ],
+)
+def test_functions_that_are_no_forces(function: object, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        forces.traced(function)  # type: ignore[arg-type]

@@ -298,6 +298,7 @@ MADE: dict[str, Callable[[], Any]] = {
         1 / 3, (0.1, 0.2, 0.3), (0.4, 0.5, 0.6), damping=1 / 7, rest_length=2 / 3
     ),
     "Torque": lambda: forces.Torque((1 / 3, 2 / 3, 1 / 7), frame="body"),
+    "TracedForce": lambda: forces.traced(lambda t, state: (-t * state.position, state.velocity)),
     # contact
     "CompliantLaw": lambda: LAW,
     "HuntCrossley": lambda: contact.HuntCrossley(1e6 / 3, 0.1),

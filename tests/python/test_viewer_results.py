@@ -311,6 +311,7 @@ WITHOUT = {
     "Term",
     "Torque",
     "TorqueProfile",
+    "TracedForce",
     "Transition",
     "TreeOnPlatforms",
     "Validation",

@@ -2,6 +2,7 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 use rayon::ThreadPoolBuilder;
+use somersault_core::cancel::CancellationToken;
 use somersault_core::{Inertia, lie::so3};
 use somersault_integrators::batch::{BatchError, FreeBodyBatch, FreeRuns, InstructionSet, Runs};
 use somersault_integrators::body::RigidBody;
@@ -9,6 +10,7 @@ use somersault_integrators::driver::{IntegrateError, TimeGrid};
 use somersault_integrators::force::{ForceModel, Gravity, Spring};
 use somersault_integrators::methods::Method;
 use somersault_integrators::run::Run;
+use somersault_integrators::solution::Recorder;
 use somersault_integrators::state::RigidBodyState;
 use somersault_integrators::system::RigidBodySystem;
 use somersault_testkit::problems::under;
@@ -373,4 +375,24 @@ fn the_fronts_refuse_what_is_not_finite() {
     ));
     let short = FreeRuns::new(&bodies, &grids).from(&states[..4]);
     assert_eq!(short, Err(BatchError::Length { argument: "states", expected: 5, found: 4 }));
+}
+
+#[test]
+fn states_recorded_at_times_are_those_of_each_system_alone() {
+    let (bodies, states, _) = flight(5);
+    let systems: Vec<_> = bodies.iter().map(|body| under(*body, Gravity::earth())).collect();
+    let grids: Vec<_> = [0.03, 0.1, 0.2, 0.25, 0.3].map(|dt| TimeGrid::try_new(0.0, 1.0, dt).unwrap()).into();
+    let (times, token) = ([0.0, 0.2, 1.0], CancellationToken::new());
+    let recorded = |times: &[f64], token: &CancellationToken| {
+        Runs::new(&systems, Method::Rkmk8B, &grids).recorded(&states, times, token)
+    };
+    for (i, kept) in recorded(&times, &token).unwrap().into_iter().enumerate() {
+        let mut recorder = Recorder::at_times((0.0, 1.0), &states[i], times.into()).unwrap();
+        Run::new(&systems[i], Method::Rkmk8B, grids[i]).observed_by(&mut recorder).from(&states[i]).unwrap();
+        assert_eq!(kept, recorder.into_solution().states);
+    }
+    let beyond = recorded(&[1.5], &token);
+    assert!(matches!(beyond, Err(BatchError::Integrate { index: 0, source: IntegrateError::Argument(_) })));
+    token.cancel();
+    assert_eq!(recorded(&times, &token), Err(BatchError::Cancelled));
 }

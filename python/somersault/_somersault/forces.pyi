@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation
 from typing_extensions import disjoint_base
 
 from somersault._somersault import _Floats
+from somersault._somersault.expr import CompiledFunction
 from somersault._somersault.integrators import RigidBody, State
 
 __all__ = [
@@ -24,6 +25,7 @@ __all__ = [
     "SolarPressure",
     "Spring",
     "Torque",
+    "TracedForce",
 ]
 
 _Wrench: TypeAlias = tuple[ArrayLike, ArrayLike]
@@ -244,3 +246,8 @@ class ControlMomentGyros(ForceModel):
     def momentum(self, t: ArrayLike) -> _Floats: ...
     def gimbal_angles(self, t: ArrayLike) -> _Floats: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
+@final
+class TracedForce(ForceModel):
+    def __new__(cls, function: CompiledFunction) -> TracedForce: ...
+    @property
+    def n_instructions(self) -> int: ...

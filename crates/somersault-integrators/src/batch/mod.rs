@@ -41,11 +41,13 @@ use crate::driver::{IntegrateError, Outcome, Steps, TimeGrid};
 use crate::force::Gravity;
 use crate::methods::{Forms, Method, Options};
 use crate::run::Run;
+use crate::solution::Recorder;
 use crate::state::RigidBodyState;
 use crate::system::{StateOf, System};
 use free::{TILE, Tile};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use rayon::prelude::*;
+use somersault_core::cancel::CancellationToken;
 use std::cmp::Reverse;
 
 /// Why a batch cannot be integrated. Bodies count from 0.
@@ -94,6 +96,9 @@ pub enum BatchError {
         /// Why.
         source: IntegrateError,
     },
+    /// The work was cancelled.
+    #[error("the batch was cancelled")]
+    Cancelled,
 }
 
 /// Runs of free bodies, each over a grid of its own.
@@ -125,7 +130,15 @@ impl<'a> FreeRuns<'a> {
     ///
     /// Errors: slices of different lengths, states that are not finite at the start or at the end.
     pub fn from(self, states: &[RigidBodyState]) -> Result<Vec<RigidBodyState>, BatchError> {
-        let Self { bodies, grids, gravity } = self;
+        let mut ends = states.to_vec();
+        self.advance(&mut ends)?;
+        Ok(ends)
+    }
+
+    /// The same with the ends in the place of the states. Errors as [`from`](Self::from) has them; what the states are after one that
+    /// says that a body diverged is not specified.
+    pub fn advance(self, states: &mut [RigidBodyState]) -> Result<(), BatchError> {
+        let Self { bodies, grids, .. } = self;
         check_length("states", bodies.len(), states.len())?;
         check_length("grids", bodies.len(), grids.len())?;
         for (body, x) in states.iter().enumerate() {
@@ -134,44 +147,105 @@ impl<'a> FreeRuns<'a> {
             check_finite("states", body, x.velocity().as_slice())?;
             check_finite("states", body, x.angular_velocity().as_slice())?;
         }
-        let (orientations, angular_velocities_body) = bodies
-            .par_iter()
-            .zip(states)
-            .map(|(body, x)| {
-                let q = x.orientation() * body.inertia().principal_axes();
-                (q, q.inverse() * x.angular_velocity())
-            })
-            .unzip();
-        let principal_moments = bodies.iter().map(|body| *body.inertia().principal_moments()).collect();
-        let mut batch = FreeBodyBatch { principal_moments, orientations, angular_velocities_body };
+        let mut order: Vec<usize> = (0..bodies.len()).collect();
+        order.sort_by_key(|&i| Reverse(grids[i].full_steps()));
+        let diverged = if order.is_sorted() {
+            self.advance_in_order(&order, states)
+        } else {
+            let mut moved: Vec<RigidBodyState> = order.iter().map(|&i| states[i]).collect();
+            let diverged = self.advance_in_order(&order, &mut moved);
+            std::iter::zip(order, moved).for_each(|(i, x)| states[i] = x);
+            diverged
+        };
+        diverged.map_or(Ok(()), |body| Err(BatchError::Diverged { body }))
+    }
 
-        let dt: Vec<f64> = grids.iter().map(TimeGrid::dt).collect();
-        let full_steps: Vec<u64> = grids.iter().map(TimeGrid::full_steps).collect();
-        batch.advance(&dt, &full_steps)?;
-        let rests: Vec<f64> =
-            grids.iter().map(|grid| grid.time(grid.steps()) - grid.time(grid.full_steps())).collect();
-        batch.advance(&rests, &vec![1; grids.len()])?;
+    /// Moves the bodies in an order, whose states these are; gives the first, by its own number, whose state is not finite then.
+    fn advance_in_order(&self, order: &[usize], states: &mut [RigidBodyState]) -> Option<usize> {
+        let instructions = InstructionSet::detect();
+        let tiles = states.par_chunks_mut(TILE).zip(order.par_chunks(TILE));
+        tiles.filter_map(|(states, order)| self.advance_tile(instructions, order, states)).min()
+    }
 
-        let ends: Vec<RigidBodyState> = (0..bodies.len())
-            .into_par_iter()
-            .map(|i| {
-                let (x, grid) = (&states[i], &grids[i]);
-                let duration = grid.time(grid.steps()) - grid.time(0);
-                let gained = gravity * duration;
-                let q = batch.orientations[i];
-                RigidBodyState::new(
-                    x.position() + (x.velocity() + gained * 0.5) * duration,
-                    q * bodies[i].inertia().principal_axes().inverse(),
-                    x.velocity() + gained,
-                    q * batch.angular_velocities_body[i],
-                )
-            })
-            .collect();
-        match ends.iter().position(|x| !x.is_finite()) {
-            Some(body) => Err(BatchError::Diverged { body }),
-            None => Ok(ends),
+    /// The same of the bodies of one tile.
+    fn advance_tile(
+        &self,
+        instructions: InstructionSet,
+        order: &[usize],
+        states: &mut [RigidBodyState],
+    ) -> Option<usize> {
+        let Self { bodies, grids, gravity } = self;
+        let mut turning = [Turning::default(); TILE];
+        for ((turning, x), &i) in turning.iter_mut().zip(&*states).zip(order) {
+            let q = x.orientation() * bodies[i].inertia().principal_axes();
+            *turning = Turning { q, omega: q.inverse() * x.angular_velocity() };
+        }
+        let turning = &mut turning[..order.len()];
+        let moments = |at: usize| bodies[order[at]].inertia().principal_moments();
+        turn(instructions, turning, |at| (moments(at), grids[order[at]].dt(), grids[order[at]].full_steps()));
+        let rest = |grid: &TimeGrid| grid.time(grid.steps()) - grid.time(grid.full_steps());
+        turn(instructions, turning, |at| (moments(at), rest(&grids[order[at]]), 1));
+
+        let mut diverged = None;
+        for ((x, turning), &i) in states.iter_mut().zip(turning).zip(order) {
+            let Turning { q, omega } = *turning;
+            let duration = grids[i].time(grids[i].steps()) - grids[i].time(0);
+            let gained = gravity * duration;
+            *x = RigidBodyState::new(
+                x.position() + (x.velocity() + gained * 0.5) * duration,
+                q * bodies[i].inertia().principal_axes().inverse(),
+                x.velocity() + gained,
+                q * omega,
+            );
+            if !x.is_finite() {
+                diverged = diverged.map_or(Some(i), |other: usize| Some(other.min(i)));
+            }
+        }
+        diverged
+    }
+}
+
+/// How a body turns: the orientation of its principal frame, and its angular velocity there.
+#[derive(Debug, Clone, Copy, Default)]
+struct Turning {
+    q: UnitQuaternion<f64>,
+    omega: Vector3<f64>,
+}
+
+impl Turning {
+    fn is_finite(&self) -> bool {
+        self.q.coords.iter().chain(&self.omega).all(|x| x.is_finite())
+    }
+}
+
+/// The steps of at most [`TILE`] bodies, by the principal moments, the size and the number of steps of each. A body without steps, or
+/// with steps of no size, stays as it is to the last bit.
+fn turn<'m>(
+    instructions: InstructionSet,
+    bodies: &mut [Turning],
+    of: impl Fn(usize) -> (&'m Vector3<f64>, f64, u64),
+) {
+    let mut tile = Tile::new();
+    for (at, Turning { q, omega }) in bodies.iter().enumerate() {
+        let (moments, dt, steps) = of(at);
+        if moves(dt, steps) {
+            tile.set(at, (*moments).into(), [q.w, q.i, q.j, q.k], (omega * (0.5 * dt)).into(), steps);
         }
     }
+    instructions.run(&mut tile);
+    for (at, body) in bodies.iter_mut().enumerate() {
+        let (_, dt, steps) = of(at);
+        if moves(dt, steps) {
+            let ([w, x, y, z], half_angle) = tile.get(at);
+            body.q = UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z));
+            body.omega = half_angle.map(|x| x / (0.5 * dt)).into();
+        }
+    }
+}
+
+/// Whether a body with such steps moves.
+fn moves(dt: f64, steps: u64) -> bool {
+    steps > 0 && dt != 0.0
 }
 
 /// Runs of systems that do not see each other, each with steps of its own, by a method of the table.
@@ -211,11 +285,47 @@ where
             .into_par_iter()
             .map(|(system, state, steps)| Run::new(system, method, *steps).with_options(options).from(state))
             .collect();
-        let named = |(index, outcome): (usize, Result<_, _>)| {
-            outcome.map_err(|source| BatchError::Integrate { index, source })
-        };
-        outcomes.into_iter().enumerate().map(named).collect()
+        each_named(outcomes)
     }
+
+    /// The same with the states at times within the interval of all runs kept, as [`Recorder::at_times`] has them, and nothing else of
+    /// the runs, which end soon after they are cancelled.
+    ///
+    /// Errors: as of [`from`](Self::from), times outside of the interval of a run or not in its direction, and
+    /// [`BatchError::Cancelled`].
+    pub fn recorded(
+        self,
+        states: &[StateOf<S>],
+        t_eval: &[f64],
+        token: &CancellationToken,
+    ) -> Result<Vec<Vec<StateOf<S>>>, BatchError> {
+        let Self { systems, method, options, steps } = self;
+        check_length("states", systems.len(), states.len())?;
+        check_length("steps", systems.len(), steps.len())?;
+        let runs = (systems, states, steps).into_par_iter().map(|(system, state, steps)| {
+            if token.is_cancelled() {
+                return Ok(Vec::new());
+            }
+            let steps: Steps = (*steps).into();
+            let mut recorder = Recorder::at_times(steps.interval(), state, t_eval.to_vec())?;
+            let mut observer = (&mut recorder, token);
+            Run::new(system, method, steps).with_options(options).observed_by(&mut observer).from(state)?;
+            Ok(recorder.into_solution().states)
+        });
+        let kept: Vec<Result<_, IntegrateError>> = runs.collect();
+        if token.is_cancelled() {
+            return Err(BatchError::Cancelled);
+        }
+        each_named(kept)
+    }
+}
+
+/// What each of the systems led to, or the first error, with the number of its system.
+fn each_named<T>(found: Vec<Result<T, IntegrateError>>) -> Result<Vec<T>, BatchError> {
+    let named = |(index, found): (usize, Result<T, _>)| {
+        found.map_err(|source| BatchError::Integrate { index, source })
+    };
+    found.into_iter().enumerate().map(named).collect()
 }
 
 /// The rotation of many free bodies.
@@ -318,38 +428,24 @@ impl FreeBodyBatch {
         for (body, dt) in dt.iter().enumerate() {
             check_finite("dt", body, &[*dt])?;
         }
-        let mut moving: Vec<usize> = (0..self.len()).filter(|&i| steps[i] > 0 && dt[i] != 0.0).collect();
+        let mut moving: Vec<usize> = (0..self.len()).filter(|&i| moves(dt[i], steps[i])).collect();
         moving.sort_by_key(|&i| Reverse(steps[i]));
-
-        let mut moved = vec![([0.0; 4], [0.0; 3]); moving.len()];
+        let of = |i: usize| Turning { q: self.orientations[i], omega: self.angular_velocities_body[i] };
+        let mut moved: Vec<Turning> = moving.iter().map(|&i| of(i)).collect();
         moved.par_chunks_mut(TILE).zip(moving.par_chunks(TILE)).for_each(|(moved, bodies)| {
-            let mut tile = Tile::new();
-            for (at, &i) in bodies.iter().enumerate() {
-                let q = &self.orientations[i];
-                let half_angle = self.angular_velocities_body[i] * (0.5 * dt[i]);
-                tile.set(
-                    at,
-                    self.principal_moments[i].into(),
-                    [q.w, q.i, q.j, q.k],
-                    half_angle.into(),
-                    steps[i],
-                );
-            }
-            instructions.run(&mut tile);
-            for (at, (moved, &i)) in moved.iter_mut().zip(bodies).enumerate() {
-                let (q, half_angle) = tile.get(at);
-                *moved = (q, half_angle.map(|x| x / (0.5 * dt[i])));
-            }
+            turn(instructions, moved, |at| {
+                let i = bodies[at];
+                (&self.principal_moments[i], dt[i], steps[i])
+            });
         });
 
-        let finite = |(q, omega): &([f64; 4], [f64; 3])| q.iter().chain(omega).all(|x| x.is_finite());
-        let diverged = moving.iter().zip(&moved).filter(|(_, moved)| !finite(moved)).map(|(&i, _)| i).min();
-        if let Some(body) = diverged {
+        let diverged = moving.iter().zip(&moved).filter(|(_, moved)| !moved.is_finite());
+        if let Some(body) = diverged.map(|(&i, _)| i).min() {
             return Err(BatchError::Diverged { body });
         }
-        for (i, ([w, x, y, z], omega)) in moving.into_iter().zip(moved) {
-            self.orientations[i] = UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z));
-            self.angular_velocities_body[i] = omega.into();
+        for (i, Turning { q, omega }) in moving.into_iter().zip(moved) {
+            self.orientations[i] = q;
+            self.angular_velocities_body[i] = omega;
         }
         Ok(())
     }

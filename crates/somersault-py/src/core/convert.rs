@@ -4,7 +4,7 @@
 //! the shape it must have and what was found.
 
 use crate::core::error::Error;
-use crate::core::memory::copied;
+use crate::core::memory::{copied, expect_room};
 use numpy::prelude::*;
 use numpy::{PyArrayDyn, PyReadonlyArrayDyn, PyUntypedArray};
 use pyo3::exceptions::{PyMemoryError, PyOverflowError, PyTypeError, PyValueError};
@@ -178,15 +178,27 @@ pub(crate) fn with_shape(
     shape: &[usize],
     value: &Bound<'_, PyAny>,
 ) -> Result<Vec<f64>, Error> {
+    in_shape(argument, shape, value, |values| Ok(values.to_vec()))
+}
+
+/// What is made of numbers of the given shape, which may be NaN or infinite, where they lie.
+fn in_shape<T>(
+    argument: &str,
+    shape: &[usize],
+    value: &Bound<'_, PyAny>,
+    make: impl FnOnce(&[f64]) -> Result<T, Error>,
+) -> Result<T, Error> {
     let expected = format!("real numbers of shape {}", shape_text(shape));
-    let found = numbers(argument, &expected, value)?;
-    if found.shape != shape {
+    let found = contiguous(argument, &expected, value)?;
+    if found.shape() != shape {
         return Err(Error::input(format!(
             "`{argument}` must be {expected}, found shape {}",
-            shape_text(&found.shape)
+            shape_text(found.shape())
         )));
     }
-    Ok(found.values)
+    let values = found.as_slice().map_err(PyErr::from)?;
+    expect_room(&format!("the numbers of `{argument}`"), size_of_val(values))?;
+    make(values)
 }
 
 /// A vector, which may be NaN or infinite.
@@ -222,8 +234,9 @@ pub(crate) fn any_vectors(
     axes: &[usize],
     value: &Bound<'_, PyAny>,
 ) -> Result<Vec<Vector3<f64>>, Error> {
-    let values = with_shape(argument, &[axes, &[3]].concat(), value)?;
-    Ok(values.chunks_exact(3).map(Vector3::from_column_slice).collect())
+    in_shape(argument, &[axes, &[3]].concat(), value, |values| {
+        Ok(values.chunks_exact(3).map(Vector3::from_column_slice).collect())
+    })
 }
 
 /// Quaternions in an array with the given axes before the last.
@@ -232,8 +245,9 @@ pub(crate) fn quaternions(
     axes: &[usize],
     value: &Bound<'_, PyAny>,
 ) -> Result<Vec<UnitQuaternion<f64>>, Error> {
-    let values = with_shape(argument, &[axes, &[4]].concat(), value)?;
-    values.chunks_exact(4).map(|q| quaternion(argument, q)).collect()
+    in_shape(argument, &[axes, &[4]].concat(), value, |values| {
+        values.chunks_exact(4).map(|q| quaternion(argument, q)).collect()
+    })
 }
 
 /// A finite number.

@@ -263,6 +263,12 @@ impl From<BatchError> for Error {
             BatchError::Length { .. } | BatchError::NonFinite { .. } | BatchError::NotPositive { .. } => {
                 Self::own(Class::Input, &error)
             }
+            BatchError::Integrate { index, source } => match source.into() {
+                Self::Own { class, message } => {
+                    Self::Own { class, message: format!("body {index}: {message}") }
+                }
+                raised => raised,
+            },
             error => Self::own(Class::Integration, &error),
         }
     }

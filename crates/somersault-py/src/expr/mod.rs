@@ -3,7 +3,7 @@
 //! Tracing is Python's part, in `somersault._symbols`: a symbol there is a number of an [`ExpressionGraph`](graph::ExpressionGraph)
 //! here, and what is evaluated a [`CompiledFunction`](compiled::CompiledFunction).
 
-mod compiled;
+pub(crate) mod compiled;
 mod graph;
 
 use crate::core::error::{Class, Error, inputs};

@@ -1,31 +1,38 @@
-//! Many free bodies at once.
+//! Many bodies at once.
 
+use crate::core::callable::Failure;
 use crate::core::convert::{
-    a_type, any_vectors, check_finite, interval_of, numbers_or_one, quaternions, real_numbers, sequence,
-    vector_or,
+    a_type, any_vectors, check_finite, integer_or_none, interval_of, numbers_or_one, quaternions,
+    real_numbers, sequence, vector_or,
 };
 use crate::core::error::Error;
 use crate::core::memory::expect_room;
-use crate::core::waiting::together;
+use crate::core::waiting::{cancel_on_signal, together};
 use crate::integrators::bodies::{RigidBody, State};
+use crate::integrators::forces::models::Reader;
+use crate::integrators::methods;
+use crate::integrators::plan::StepArguments;
 use crate::integrators::trajectory::{Cast, Trajectory};
 use pyo3::prelude::*;
-use somersault::integrators::batch::{BatchError, FreeRuns};
+use somersault::integrators::batch::{BatchError, FreeRuns, Runs};
 use somersault::integrators::body;
-use somersault::integrators::driver::{IntegrateError, TimeGrid, check_interval};
+use somersault::integrators::counted::Counted;
+use somersault::integrators::driver::{IntegrateError, Steps, TimeGrid, check_interval};
 use somersault::integrators::force::Gravity;
+use somersault::integrators::methods::Method;
 use somersault::integrators::nalgebra::Vector3;
 use somersault::integrators::solution::check_times;
-use somersault::integrators::state::RigidBodyState;
+use somersault::integrators::state::{Pose, RigidBodyState};
+use somersault::integrators::system::{RigidBodySystem, RigidSystem};
 
 /// How many steps lie between two looks at signals: a fraction of a second.
 const STEPS_PER_LOOK: u64 = 20_000_000;
 
-/// Motion of many rigid bodies that do not interact, free or under uniform gravity.
+/// Motion of many rigid bodies that do not interact, in parallel.
 ///
-/// The fourth order Runge-Kutta-Munthe-Kaas method in the body frame, ``"rkmk_b"`` of the table,
-/// vectorised over bodies and parallel over cores; the centre of mass moves exactly. The result does not
-/// depend, to the last bit, on the processor, the number of threads or which bodies go together.
+/// Bodies that are free or under uniform gravity, with fixed steps of ``"rkmk_b"``, move eight at a time in the vector registers of
+/// each core, and their centre of mass moves exactly; the result does not depend, to the last bit, on the processor, the number of threads
+/// or which bodies go together. All others move one at a time on each core, as `integrate` moves them alone.
 ///
 /// Parameters
 /// ----------
@@ -35,27 +42,44 @@ const STEPS_PER_LOOK: u64 = 20_000_000;
 ///     Their states at the start.
 /// interval : tuple of float
 ///     Start and end time, s.
-/// dt : float or array_like, shape (bodies,)
-///     Step, s, of all bodies or of each.
+/// dt : float or array_like, shape (bodies,), optional
+///     Step, s, of all bodies or of each. Where it is left out the steps of each body are adapted to `rtol` and `atol`.
+/// method : str or MethodInfo, optional
+///     A method of the table that `somersault.methods` returns; ``"rkmk_b"`` unless given, or ``"rkmk8_b"`` where the steps are
+///     adapted.
+/// forces : force model, callable, or sequence of them, optional
+///     What acts on the bodies: a single model acts on every body, a sequence has one entry for each of them, itself a model, a sequence
+///     or None. A callable ``f(t, state)`` holds the interpreter; `forces.traced` makes a model of it that does not.
 /// gravity : array_like, shape (3,), optional
-///     Acceleration, m/s²; none unless given.
+///     Acceleration, m/s², of all bodies, beside `forces`; none unless given.
+/// t_eval : array_like, shape (n,), optional
+///     Times of the states to record, s, within the interval and in its direction, each once; its start and its end unless given. Of
+///     free bodies with fixed steps of ``"rkmk_b"`` the steps start again at each of them, and the step before it is shorter where `dt` does
+///     not divide the time between two; those of others do not depend on them.
+/// rtol, atol : float, optional
+///     Relative and absolute tolerance of adaptive steps, 1e-8 and 1e-10 unless given.
+/// max_step, first_step : float, optional
+///     Largest and first step of adaptive runs, s.
+/// max_steps : int, optional
+///     Largest number of steps of an adaptive run, 10 million unless given.
 ///
 /// Returns
 /// -------
 /// Trajectory
-///     The states at the start and at the end of the interval, in arrays of shape (2, bodies, ...).
+///     The states at the times recorded, in arrays of shape (n, bodies, ...).
 ///
 /// Raises
 /// ------
 /// InputError
-///     If the numbers of bodies, states and steps differ.
+///     If the numbers of bodies, states, steps and forces differ, or the method does not take the forces.
 /// IntegrationError
-///     If a state stops being finite.
+///     If a run cannot continue: a state stopped being finite, or a tolerance cannot be met. The message has the number of the first such
+///     body.
 ///
 /// Notes
 /// -----
-/// Other Python threads run meanwhile. Ctrl-C is looked for between groups of bodies that make 20 million
-/// steps together, but of no fewer than 64 bodies a core.
+/// Other Python threads run meanwhile. Ctrl-C is looked for while the bodies move; where they move eight at a time, between groups that
+/// make 20 million steps together, but of no fewer than 64 bodies a core.
 ///
 /// Examples
 /// --------
@@ -65,37 +89,50 @@ const STEPS_PER_LOOK: u64 = 20_000_000;
 /// >>> motion = somersault.batch.integrate_batch(body, states, (0.0, 1.0), 0.01)
 /// >>> motion.quaternion.shape
 /// (2, 100, 4)
+///
+/// With drag, by adapted steps:
+///
+/// >>> drag = somersault.forces.Drag(angular=0.01)
+/// >>> motion = somersault.batch.integrate_batch(body, states, (0.0, 1.0), forces=drag, t_eval=[0.5, 1.0], rtol=1e-6)
+/// >>> bool((motion.kinetic_energy[1, 1:] < motion.kinetic_energy[0, 1:]).all())
+/// True
 #[pyfunction]
-#[pyo3(signature = (bodies, states, interval, dt, *, gravity=None))]
+#[pyo3(signature = (
+    bodies, states, interval, dt=None, *, method=None, forces=None, gravity=None, t_eval=None, rtol=None, atol=None, max_step=None,
+    first_step=None, max_steps=None
+))]
 pub(crate) fn integrate_batch(
     py: Python<'_>,
     bodies: &Bound<'_, PyAny>,
     states: &Bound<'_, PyAny>,
     #[pyo3(from_py_with = interval_of)] interval: [f64; 2],
-    dt: &Bound<'_, PyAny>,
+    dt: Option<&Bound<'_, PyAny>>,
+    method: Option<&Bound<'_, PyAny>>,
+    forces: Option<&Bound<'_, PyAny>>,
     gravity: Option<&Bound<'_, PyAny>>,
+    t_eval: Option<&Bound<'_, PyAny>>,
+    rtol: Option<f64>,
+    atol: Option<f64>,
+    max_step: Option<f64>,
+    first_step: Option<f64>,
+    #[pyo3(from_py_with = integer_or_none)] max_steps: Option<i64>,
 ) -> Result<Trajectory, Error> {
     let wrong = |found| Error::input(format!("`states` must be a sequence of State, found {found}"));
     let list = sequence(states).ok_or_else(|| wrong(a_type(states)))?;
-    let cast = match bodies.extract::<RigidBody>() {
-        Ok(RigidBody(body)) => Cast { bodies: vec![body; list.len()?], single: false },
-        Err(_) => Cast::extract("bodies", bodies)?,
+    let bodies = match bodies.extract::<RigidBody>() {
+        Ok(RigidBody(body)) => vec![body; list.len()?],
+        Err(_) => Cast::extract("bodies", bodies)?.bodies,
     };
-    let mut starts: Vec<RigidBodyState> = Vec::with_capacity(cast.bodies.len());
+    let mut starts: Vec<RigidBodyState> = Vec::with_capacity(bodies.len());
     for entry in list.try_iter()? {
         let entry = entry?;
         let State(state) = entry.extract().map_err(|_| wrong(format!("{} in it", a_type(&entry))))?;
         starts.push(state);
     }
-    let n = cast.bodies.len();
-    if starts.len() != n {
-        return Err(BatchError::Length { argument: "states", expected: n, found: starts.len() }.into());
-    }
-    let dt = numbers_or_one("dt", n, dt)?;
-    let gravity = Gravity { acceleration: vector_or("gravity", gravity, Vector3::zeros())? };
-    let ends = moved(py, &cast.bodies, &starts, interval, &dt, &gravity)?;
-    starts.extend(ends);
-    Ok(Trajectory::new(cast, interval.to_vec(), starts))
+    expect_length("states", bodies.len(), starts.len())?;
+    let steps = StepArguments { dt: None, rtol, atol, max_step, first_step, max_steps };
+    let batch = Batch::read(bodies, starts, interval, t_eval, gravity)?;
+    batch.run(py, &Asked { dt, method, forces, steps })
 }
 
 /// Motion of many rigid bodies that do not interact, from arrays to arrays.
@@ -112,19 +149,17 @@ pub(crate) fn integrate_batch(
 ///     Angular velocities at the start in the world frame, rad/s.
 /// interval : tuple of float
 ///     Start and end time, s.
-/// dt : float or array_like, shape (bodies,)
-///     Step, s, of all bodies or of each.
+/// dt : float or array_like, shape (bodies,), optional
+///     Step, s, of all bodies or of each. Where it is left out the steps of each body are adapted to `rtol` and `atol`.
 /// mass : float or array_like, shape (bodies,), optional
-///     Masses, kg, of all bodies or of each; 1 unless given. Without them the motion is the same, and energies are those of bodies of 1 kg.
+///     Masses, kg, of all bodies or of each; 1 unless given. Without them the motion of free bodies is the same, and energies are those of
+///     bodies of 1 kg.
 /// position : array_like, shape (bodies, 3), optional
 ///     Positions of the centre of mass at the start, m; zero unless given.
 /// velocity : array_like, shape (bodies, 3), optional
 ///     Velocities of the centre of mass at the start, m/s; zero unless given.
-/// gravity : array_like, shape (3,), optional
-///     Acceleration, m/s²; none unless given.
-/// t_eval : array_like, shape (n,), optional
-///     Times of the states to record, s, within the interval and in its direction, each once; its start and its end unless given. Steps
-///     start again at each of them, and the step before it is shorter where `dt` does not divide the time between two.
+/// method, forces, gravity, t_eval, rtol, atol, max_step, first_step, max_steps
+///     As of `integrate_batch`.
 ///
 /// Returns
 /// -------
@@ -134,9 +169,9 @@ pub(crate) fn integrate_batch(
 /// Raises
 /// ------
 /// InputError
-///     If an array has another shape, or moments are not those of a body.
+///     If an array has another shape, or moments are not those of a body, and as of `integrate_batch`.
 /// IntegrationError
-///     If a state stops being finite.
+///     As of `integrate_batch`.
 ///
 /// Notes
 /// -----
@@ -153,7 +188,8 @@ pub(crate) fn integrate_batch(
 /// (3, 1000, 4)
 #[pyfunction]
 #[pyo3(signature = (
-    moments, quaternion, angular_velocity, interval, dt, *, mass=None, position=None, velocity=None, gravity=None, t_eval=None
+    moments, quaternion, angular_velocity, interval, dt=None, *, mass=None, position=None, velocity=None, method=None, forces=None,
+    gravity=None, t_eval=None, rtol=None, atol=None, max_step=None, first_step=None, max_steps=None
 ))]
 pub(crate) fn integrate_arrays(
     py: Python<'_>,
@@ -161,46 +197,177 @@ pub(crate) fn integrate_arrays(
     quaternion: &Bound<'_, PyAny>,
     angular_velocity: &Bound<'_, PyAny>,
     #[pyo3(from_py_with = interval_of)] interval: [f64; 2],
-    dt: &Bound<'_, PyAny>,
+    dt: Option<&Bound<'_, PyAny>>,
     mass: Option<&Bound<'_, PyAny>>,
     position: Option<&Bound<'_, PyAny>>,
     velocity: Option<&Bound<'_, PyAny>>,
+    method: Option<&Bound<'_, PyAny>>,
+    forces: Option<&Bound<'_, PyAny>>,
     gravity: Option<&Bound<'_, PyAny>>,
     t_eval: Option<&Bound<'_, PyAny>>,
+    rtol: Option<f64>,
+    atol: Option<f64>,
+    max_step: Option<f64>,
+    first_step: Option<f64>,
+    #[pyo3(from_py_with = integer_or_none)] max_steps: Option<i64>,
 ) -> Result<Trajectory, Error> {
     let moments = rows_of_three("moments", moments)?;
     let n = moments.len();
     let masses = mass.map_or_else(|| Ok(vec![1.0; n]), |mass| numbers_or_one("mass", n, mass))?;
-    let bodies = std::iter::zip(masses, moments)
-        .enumerate()
-        .map(|(at, (mass, moments))| {
-            body::RigidBody::try_principal(mass, moments)
-                .map_err(|error| Error::input(format!("body {at}: {error}")))
-        })
-        .collect::<Result<Vec<_>, _>>()?;
+    let mut bodies = Vec::with_capacity(n);
+    for (at, (mass, moments)) in std::iter::zip(masses, moments).enumerate() {
+        let body = body::RigidBody::try_principal(mass, moments);
+        bodies.push(body.map_err(|error| Error::input(format!("body {at}: {error}")))?);
+    }
     let vectors = |argument, value: Option<&Bound<'_, PyAny>>| {
-        value.map_or_else(|| Ok(vec![Vector3::zeros(); n]), |value| vectors_of(argument, n, value))
+        value.map(|value| vectors_of(argument, n, value)).transpose()
     };
     let (positions, velocities) = (vectors("position", position)?, vectors("velocity", velocity)?);
     let spins = vectors_of("angular_velocity", n, angular_velocity)?;
     let orientations = quaternions("quaternion", &[n], quaternion)?;
-    let mut states: Vec<RigidBodyState> =
-        (0..n).map(|i| RigidBodyState::new(positions[i], orientations[i], velocities[i], spins[i])).collect();
-    let dt = numbers_or_one("dt", n, dt)?;
-    let gravity = Gravity { acceleration: vector_or("gravity", gravity, Vector3::zeros())? };
-    let times = recorded(interval, t_eval)?;
-    let bytes = size_of::<RigidBodyState>().saturating_mul(n).saturating_mul(times.len());
-    expect_room("the states at `t_eval`", bytes)?;
-    let mut kept = Vec::with_capacity(times.len() * n);
-    let mut now = interval[0];
-    for &t in &times {
-        if t != now {
-            states = moved(py, &bodies, &states, [now, t], &dt, &gravity)?;
-            now = t;
-        }
-        kept.extend_from_slice(&states);
+    let of = |vectors: &Option<Vec<Vector3<f64>>>, i: usize| {
+        vectors.as_ref().map_or_else(Vector3::zeros, |vectors| vectors[i])
+    };
+    let starts = (0..n)
+        .map(|i| RigidBodyState::new(of(&positions, i), orientations[i], of(&velocities, i), spins[i]))
+        .collect();
+    let steps = StepArguments { dt: None, rtol, atol, max_step, first_step, max_steps };
+    let batch = Batch::read(bodies, starts, interval, t_eval, gravity)?;
+    batch.run(py, &Asked { dt, method, forces, steps })
+}
+
+/// Bodies, their states at the start, and the times at which they are recorded.
+struct Batch {
+    bodies: Vec<body::RigidBody>,
+    states: Vec<RigidBodyState>,
+    interval: [f64; 2],
+    times: Vec<f64>,
+    gravity: Gravity,
+}
+
+/// What is asked of a batch in arguments that not all ways to move take.
+struct Asked<'a, 'py> {
+    dt: Option<&'a Bound<'py, PyAny>>,
+    method: Option<&'a Bound<'py, PyAny>>,
+    forces: Option<&'a Bound<'py, PyAny>>,
+    /// Those of the steps but for `dt`.
+    steps: StepArguments,
+}
+
+impl Batch {
+    fn read(
+        bodies: Vec<body::RigidBody>,
+        states: Vec<RigidBodyState>,
+        interval: [f64; 2],
+        t_eval: Option<&Bound<'_, PyAny>>,
+        gravity: Option<&Bound<'_, PyAny>>,
+    ) -> Result<Self, Error> {
+        let times = recorded(interval, t_eval)?;
+        let of_a_body = size_of::<body::RigidBody>() + size_of::<TimeGrid>() + size_of::<usize>();
+        let states_of_a_body = size_of::<RigidBodyState>().saturating_mul(times.len());
+        let bytes = bodies.len().saturating_mul(states_of_a_body.saturating_add(of_a_body));
+        expect_room("the states at `t_eval`", bytes)?;
+        let gravity = Gravity { acceleration: vector_or("gravity", gravity, Vector3::zeros())? };
+        Ok(Self { bodies, states, interval, times, gravity })
     }
-    Ok(Trajectory::new(Cast { bodies, single: false }, times, kept))
+
+    fn run(self, py: Python<'_>, asked: &Asked<'_, '_>) -> Result<Trajectory, Error> {
+        let (n, [start, end]) = (self.bodies.len(), self.interval);
+        let method = asked.method.map(|method| methods::extract("method", method)).transpose()?;
+        let method = method.unwrap_or(if asked.dt.is_some() { Method::RkmkB } else { Method::Rkmk8B });
+        let steps_of = |dt| StepArguments { dt, ..asked.steps }.steps(method, (start, end));
+        let dt = asked.dt.map(|dt| numbers_or_one("dt", n, dt)).transpose()?;
+        let forces = asked.forces.filter(|forces| !forces.is_none());
+        match (dt, forces) {
+            (Some(dt), None) if method == Method::RkmkB => {
+                dt.first().map(|dt| steps_of(Some(*dt))).transpose()?;
+                self.in_lanes(py, &dt)
+            }
+            (dt, forces) => {
+                let steps = match dt {
+                    Some(dt) => dt.into_iter().map(|dt| steps_of(Some(dt))).collect::<Result<_, _>>()?,
+                    None => vec![steps_of(None)?; n],
+                };
+                self.one_by_one(py, method, &steps, forces)
+            }
+        }
+    }
+
+    /// Without forces but gravity, by the method in vector lanes.
+    fn in_lanes(self, py: Python<'_>, dt: &[f64]) -> Result<Trajectory, Error> {
+        let Self { bodies, states: mut kept, interval: [mut now, _], times, gravity } = self;
+        let n = bodies.len();
+        kept.reserve_exact((times.len() - 1) * n);
+        for (k, &t) in times.iter().enumerate() {
+            if k > 0 {
+                kept.extend_from_within((k - 1) * n..);
+            }
+            if t != now {
+                let grid = |dt: &f64| TimeGrid::try_new(now, t, *dt);
+                let grids = dt.iter().map(grid).collect::<Result<Vec<_>, _>>()?;
+                advance(py, &bodies, &grids, &gravity, &mut kept[k * n..])?;
+                now = t;
+            }
+        }
+        Ok(Trajectory::new(Cast { bodies, single: false }, times, kept))
+    }
+
+    /// Each body by itself.
+    fn one_by_one(
+        self,
+        py: Python<'_>,
+        method: Method,
+        steps: &[Steps],
+        forces: Option<&Bound<'_, PyAny>>,
+    ) -> Result<Trajectory, Error> {
+        let Self { bodies, states, times, gravity, .. } = self;
+        let failure = Failure::default();
+        let mut reader = Reader { failure: failure.clone(), calls_python: false };
+        let mut models = match forces {
+            Some(forces) => reader.for_each("forces", &bodies, forces)?,
+            None => bodies.iter().map(|_| Vec::new()).collect(),
+        };
+        expect_length("forces", bodies.len(), models.len())?;
+        if gravity.acceleration != Vector3::zeros() {
+            models.iter_mut().for_each(|models| models.push(Box::new(gravity)));
+        }
+        let are_free = models.iter().all(Vec::is_empty);
+        let runs = std::iter::zip(bodies.iter().copied(), models);
+        let moved = if are_free {
+            let systems: Vec<_> = runs.map(|(body, _)| RigidBodySystem::free(body)).collect();
+            each_recorded(py, &systems, method, steps, &states, &times)
+        } else {
+            let forced = |(body, models)| Counted::new(RigidBodySystem::new(body, models));
+            let systems: Vec<_> = runs.map(forced).collect();
+            each_recorded(py, &systems, method, steps, &states, &times)
+        };
+        if let Some(error) = failure.get() {
+            return Err(error.clone_ref(py).into());
+        }
+        let moved = moved?;
+        let at = |k: usize| moved.iter().map(move |states| states[k]);
+        let kept = (0..times.len()).flat_map(at).collect();
+        Ok(Trajectory::new(Cast { bodies, single: false }, times, kept))
+    }
+}
+
+/// The states of each system at times.
+fn each_recorded<S>(
+    py: Python<'_>,
+    systems: &[S],
+    method: Method,
+    steps: &[Steps],
+    states: &[RigidBodyState],
+    times: &[f64],
+) -> Result<Vec<Vec<RigidBodyState>>, Error>
+where
+    S: RigidSystem<Configuration = Pose> + Send + Sync,
+{
+    cancel_on_signal(py, |token| Runs::new(systems, method, steps).recorded(states, times, token))
+}
+
+fn expect_length(argument: &'static str, expected: usize, found: usize) -> Result<(), BatchError> {
+    if expected == found { Ok(()) } else { Err(BatchError::Length { argument, expected, found }) }
 }
 
 /// An array of at least one row of three numbers.
@@ -231,29 +398,24 @@ fn recorded([start, end]: [f64; 2], t_eval: Option<&Bound<'_, PyAny>>) -> Result
     Ok(times)
 }
 
-/// The states of bodies at the end of an interval.
-fn moved(
+/// Moves free bodies, each over its grid.
+fn advance(
     py: Python<'_>,
     bodies: &[body::RigidBody],
-    states: &[RigidBodyState],
-    [start, end]: [f64; 2],
-    dt: &[f64],
+    grids: &[TimeGrid],
     gravity: &Gravity,
-) -> Result<Vec<RigidBodyState>, Error> {
-    let grids = dt.iter().map(|dt| TimeGrid::try_new(start, end, *dt)).collect::<Result<Vec<_>, _>>()?;
-    let n = bodies.len();
-    let mut ends = Vec::with_capacity(n);
-    while ends.len() < n {
-        let first = ends.len();
-        let last = (first + chunk(&grids[first..])).min(n);
-        let part = |bodies: &[body::RigidBody], states: &[RigidBodyState], grids: &[TimeGrid]| {
-            together(py, || FreeRuns::new(bodies, grids).in_gravity(gravity).from(states))
-        };
-        let moved = part(&bodies[first..last], &states[first..last], &grids[first..last])?;
-        ends.extend(moved.map_err(|error| from(first, error))?);
+    states: &mut [RigidBodyState],
+) -> Result<(), Error> {
+    let mut first = 0;
+    while first < bodies.len() {
+        let last = (first + chunk(&grids[first..])).min(bodies.len());
+        let runs = FreeRuns::new(&bodies[first..last], &grids[first..last]).in_gravity(gravity);
+        let moved = together(py, || runs.advance(&mut states[first..last]))?;
+        moved.map_err(|error| from(first, error))?;
         py.check_signals()?;
+        first = last;
     }
-    Ok(ends)
+    Ok(())
 }
 
 /// How many bodies to take at once: a fraction of a second's work, but enough for all cores.

@@ -3,6 +3,7 @@
 pub(crate) mod models;
 mod rotors;
 mod satellite;
+mod traced;
 
 /// What acts on bodies.
 #[pyo3::pymodule(name = "forces", module = "somersault._somersault", submodule)]
@@ -15,4 +16,6 @@ pub(crate) mod module {
     use crate::integrators::forces::satellite::{
         AerodynamicDrag, GravityGradient, MagneticDipole, Orbit, Plate, SolarPressure,
     };
+    #[pymodule_export]
+    use crate::integrators::forces::traced::TracedForce;
 }
