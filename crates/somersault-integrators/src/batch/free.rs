@@ -50,7 +50,7 @@ struct Row([f64; TILE]);
 
 /// The state of up to [`TILE`] bodies and what their steps need.
 ///
-/// Entries that no body fills rest: v = 0, q = 1, no steps.
+/// Entries that no body fills have no steps: what they are makes no difference.
 pub(super) struct Tile {
     /// a = (I₂ − I₃)/I₁ and cyclic.
     a: [Row; 3],
@@ -81,6 +81,17 @@ impl Tile {
             steps: zero,
             steps_range: (u64::MAX, 0),
         }
+    }
+
+    /// Takes all steps from the bodies, as before they are set.
+    pub(super) fn hold_all(&mut self) {
+        self.steps = Row([0.0; TILE]);
+        self.steps_range = (u64::MAX, 0);
+    }
+
+    /// Whether a body has steps.
+    pub(super) fn moves(&self) -> bool {
+        self.steps_range.1 > 0
     }
 
     /// Puts a body into entry `at`: principal moments, unit quaternion (real part first),

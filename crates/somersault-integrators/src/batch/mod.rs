@@ -164,13 +164,17 @@ impl<'a> FreeRuns<'a> {
     fn advance_in_order(&self, order: &[usize], states: &mut [RigidBodyState]) -> Option<usize> {
         let instructions = InstructionSet::detect();
         let tiles = states.par_chunks_mut(TILE).zip(order.par_chunks(TILE));
-        tiles.filter_map(|(states, order)| self.advance_tile(instructions, order, states)).min()
+        let advance = |tile: &mut Tile, (states, order): (&mut [_], &[_])| {
+            self.advance_tile(instructions, tile, order, states)
+        };
+        tiles.map_init(Tile::new, advance).flatten().min()
     }
 
     /// The same of the bodies of one tile.
     fn advance_tile(
         &self,
         instructions: InstructionSet,
+        tile: &mut Tile,
         order: &[usize],
         states: &mut [RigidBodyState],
     ) -> Option<usize> {
@@ -182,9 +186,11 @@ impl<'a> FreeRuns<'a> {
         }
         let turning = &mut turning[..order.len()];
         let moments = |at: usize| bodies[order[at]].inertia().principal_moments();
-        turn(instructions, turning, |at| (moments(at), grids[order[at]].dt(), grids[order[at]].full_steps()));
+        turn(instructions, tile, turning, |at| {
+            (moments(at), grids[order[at]].dt(), grids[order[at]].full_steps())
+        });
         let rest = |grid: &TimeGrid| grid.time(grid.steps()) - grid.time(grid.full_steps());
-        turn(instructions, turning, |at| (moments(at), rest(&grids[order[at]]), 1));
+        turn(instructions, tile, turning, |at| (moments(at), rest(&grids[order[at]]), 1));
 
         let mut diverged = None;
         for ((x, turning), &i) in states.iter_mut().zip(turning).zip(order) {
@@ -222,17 +228,21 @@ impl Turning {
 /// with steps of no size, stays as it is to the last bit.
 fn turn<'m>(
     instructions: InstructionSet,
+    tile: &mut Tile,
     bodies: &mut [Turning],
     of: impl Fn(usize) -> (&'m Vector3<f64>, f64, u64),
 ) {
-    let mut tile = Tile::new();
+    tile.hold_all();
     for (at, Turning { q, omega }) in bodies.iter().enumerate() {
         let (moments, dt, steps) = of(at);
         if moves(dt, steps) {
             tile.set(at, (*moments).into(), [q.w, q.i, q.j, q.k], (omega * (0.5 * dt)).into(), steps);
         }
     }
-    instructions.run(&mut tile);
+    if !tile.moves() {
+        return;
+    }
+    instructions.run(&mut *tile);
     for (at, body) in bodies.iter_mut().enumerate() {
         let (_, dt, steps) = of(at);
         if moves(dt, steps) {
@@ -432,8 +442,9 @@ impl FreeBodyBatch {
         moving.sort_by_key(|&i| Reverse(steps[i]));
         let of = |i: usize| Turning { q: self.orientations[i], omega: self.angular_velocities_body[i] };
         let mut moved: Vec<Turning> = moving.iter().map(|&i| of(i)).collect();
-        moved.par_chunks_mut(TILE).zip(moving.par_chunks(TILE)).for_each(|(moved, bodies)| {
-            turn(instructions, moved, |at| {
+        let tiles = moved.par_chunks_mut(TILE).zip(moving.par_chunks(TILE));
+        tiles.for_each_init(Tile::new, |tile, (moved, bodies)| {
+            turn(instructions, tile, moved, |at| {
                 let i = bodies[at];
                 (&self.principal_moments[i], dt[i], steps[i])
             });

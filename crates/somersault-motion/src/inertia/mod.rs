@@ -14,8 +14,9 @@
 //!    give I as the last right singular vector. More starts are drawn at random.
 //! 2. **Fits** from each start, over horizons that grow from the middle of the record, within which the inertia is tied to where it
 //!    begins: a trust region of Levenberg and Marquardt, scaled as J. J. Moré's, with derivatives by central differences. Once a fit
-//!    leaves independent noise alone, three more begin near it, in search of another inertia that fits as well.
-//! 3. **Verdict.** With the derivative J of the residuals the covariance is (JᵀJ)⁻¹ σ², from which intervals follow by linearisation. The
+//!    leaves independent noise alone, three more begin near it and four elsewhere, in search of another inertia that fits as well.
+//! 3. **Verdict.** With the derivative J of the residuals the covariance is (JᵀJ)⁻¹ σ², from which intervals follow by linearisation; those of
+//!    the ratios of moments end where the profile of the likelihood does, which is farther where the least squares lie in a valley that bends. The
 //!    residuals are tested for their size, where the noise is known, and for the correlation of neighbours, at the level 10⁻⁶; the motion
 //!    against steady rotation about an axis, each pair of moments against equality, and each other fit against the best, at the level
 //!    10⁻³. Two moments that are taken for equal differ by at most 5 % at the level of the intervals, which include that difference.
@@ -23,7 +24,7 @@
 //!
 //! What is not determined is NaN, and the [status](InertiaStatus) says why.
 //!
-//! Cost: some hundred evaluations of the motion for each of 4 to 15 starts, 0.2 µs for each attitude, beside the decompositions.
+//! Cost: some hundred evaluations of the motion for each of 8 to 19 starts, 0.2 µs for each attitude, beside the decompositions.
 //!
 //! Sources: L. D. Landau and E. M. Lifshitz, *Mechanics*, §37; J. J. Moré, *The Levenberg–Marquardt algorithm*, Lecture Notes in
 //! Mathematics 630, Springer 1978; G. A. F. Seber and C. J. Wild, *Nonlinear Regression*, Wiley 1989, §5.
@@ -31,6 +32,7 @@
 mod descent;
 mod distribution;
 mod problem;
+mod profile;
 mod search;
 mod triangle;
 mod verdict;

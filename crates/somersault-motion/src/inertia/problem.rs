@@ -136,6 +136,29 @@ impl Motion {
     }
 }
 
+/// A function of the eleven unknowns that is held at a value: a residual of its own.
+pub(super) struct Held<'a> {
+    pub(super) factor: f64,
+    pub(super) target: f64,
+    pub(super) function: &'a dyn Fn(&Unknowns) -> f64,
+}
+
+impl Held<'_> {
+    fn residual(&self, x: &[f64]) -> f64 {
+        self.factor * ((self.function)(&Unknowns::from_column_slice(x)) - self.target)
+    }
+
+    fn derivative(&self, x: &[f64], j: usize) -> f64 {
+        let h = step(x[j]);
+        let moved = |h: f64| {
+            let mut moved = Unknowns::from_column_slice(x);
+            moved[j] += h;
+            self.residual(moved.as_slice())
+        };
+        (moved(h) - moved(-h)) / (2.0 * h)
+    }
+}
+
 /// The residuals of a part of a record.
 pub(super) struct Squares<'a> {
     pub(super) record: &'a Record<'a>,
@@ -144,6 +167,8 @@ pub(super) struct Squares<'a> {
     pub(super) motion: &'a dyn Fn(&[f64]) -> Motion,
     /// By what the unknowns of the inertia are tied to some values.
     pub(super) ties: Option<(f64, [f64; OF_INERTIA])>,
+    /// What else is a residual.
+    pub(super) held: Option<Held<'a>>,
     pub(super) token: &'a CancellationToken,
 }
 
@@ -183,6 +208,9 @@ impl Squares<'_> {
         if let Some((factor, centre)) = self.ties {
             sum += x.iter().zip(centre).map(|(x, centre)| (factor * (x - centre)).powi(2)).sum::<f64>();
         }
+        if let Some(held) = &self.held {
+            sum += held.residual(x.as_slice()).powi(2);
+        }
         Ok(sum.is_finite().then_some(0.5 * sum))
     }
 
@@ -211,7 +239,7 @@ impl Squares<'_> {
                 (h, [moved(h), moved(-h)])
             })
             .collect();
-        let mut triangle = Triangle::new(n + 1, 3 * self.part.len().min(BLOCK) + OF_INERTIA);
+        let mut triangle = Triangle::new(n + 1, 3 * self.part.len().min(BLOCK) + OF_INERTIA + 1);
         let mut columns = vec![Vector3::zeros(); n + 1];
         for k in self.part.clone() {
             self.expect_not_cancelled(k)?;
@@ -228,6 +256,11 @@ impl Squares<'_> {
                 let tied = |j: usize| if j == i { factor } else { 0.0 };
                 triangle.push((0..n).map(tied).chain([factor * (x[i] - centre)]));
             }
+        }
+        if let Some(held) = &self.held {
+            rows += 1;
+            let x = x.as_slice();
+            triangle.push((0..n).map(|j| held.derivative(x, j)).chain([held.residual(x)]));
         }
         let found = triangle.finish();
         if found.iter().any(|x| !x.is_finite()) {

@@ -24,9 +24,10 @@ const CUBIC: usize = 4;
 const FIRST: f64 = 3.0;
 const GROWTH: f64 = 1.8;
 /// Starts of the inertia at random and the size of its numbers, after those by local rates; and once a fit leaves independent noise alone, starts
-/// in search of another inertia that fits as well, so far from it.
+/// in search of another inertia that fits as well: so far from it, and as many of the size of those at random.
 const RANDOM: (usize, f64) = (6, 0.6);
 const RIVALS: (usize, f64) = (3, 0.2);
+const ELSEWHERE: usize = 4;
 /// Noise below this is that of rounding, rad.
 pub(super) const ROUNDING: f64 = 1e-9;
 /// What ties the logarithms of second moments to zero, in standard deviations of an attitude: those of rods and plates would grow without
@@ -219,11 +220,11 @@ pub(super) fn fits(
         found.push(fit);
         if explained {
             // where several inertias fit, a start elsewhere ends elsewhere
-            let (count, size) = RIVALS;
-            for _ in 0..count {
-                let off: [f64; OF_INERTIA] = draw(size);
-                let near = std::array::from_fn(|i| x[i] + off[i]);
-                found.extend(search.grown(near, Vector3::new(x[8], x[9], x[10]))?);
+            for k in 0..RIVALS.0 + ELSEWHERE {
+                let near = k < RIVALS.0;
+                let off: [f64; OF_INERTIA] = draw(if near { RIVALS.1 } else { RANDOM.1 });
+                let start = std::array::from_fn(|i| if near { x[i] + off[i] } else { off[i] });
+                found.extend(search.grown(start, Vector3::new(x[8], x[9], x[10]))?);
             }
             break;
         }
@@ -279,7 +280,8 @@ impl Search<'_> {
             let (ties, until) =
                 if whole { ((PRIOR * sigma, [0.0; OF_INERTIA]), PRECISE) } else { ((sigma, start), COARSE) };
             let motion = |x: &[f64]| Motion::tumbling(x, &base);
-            let squares = Squares { record, part, motion: &motion, ties: Some(ties), token: self.token };
+            let squares =
+                Squares { record, part, motion: &motion, ties: Some(ties), held: None, token: self.token };
             let found = descend(&squares, DVector::from_column_slice(x.as_slice()), until)?;
             let Some(found) = found else { return Ok(None) };
             let residuals = whole.then(|| squares.residuals(&found.x)).transpose()?;

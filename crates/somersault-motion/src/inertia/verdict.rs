@@ -3,6 +3,7 @@
 use super::descent::{End, descend};
 use super::distribution::{chi_squared_tail, f_tail, two_sided_quantile};
 use super::problem::{Motion, OF_INERTIA, Principal, Record, Squares, UNKNOWNS, Unknowns, slopes, step};
+use super::profile::Profile;
 use super::search::{Fit, PRECISE, PRIOR, ROUNDING};
 use super::triangle::singular;
 use super::{
@@ -141,8 +142,9 @@ pub(super) fn judge(
             ),
         );
     }
+    let profile = Profile { record, fit, covariance: &covariance, sigma, quantile: moments.quantile, token };
     if let [pair] = moments.equal[..] {
-        let bound = moments.greatest_difference(pair);
+        let bound = moments.greatest_difference(pair, &profile)?;
         if bound > DIFFERENT || pair[1] - pair[0] > 1 {
             let [one, other] = pair.map(|k| NAMES[k]);
             let bound = significant(bound, 2);
@@ -153,9 +155,36 @@ pub(super) fn judge(
                 ),
             );
         }
-        moments.make_equal(&mut found, pair, bound, fit, &covariance);
+        let off = moments.pair_off(pair, &profile)?;
+        if off > WIDE {
+            return is_weak(found, bends(3 - pair[0] - pair[1]));
+        }
+        moments.make_equal(&mut found, pair, bound, off, fit);
+        return Ok(found);
+    }
+    for k in 0..2 {
+        let [below, above] = profile.distances(&|x| sorted_ratios(x)[k], WIDE)?;
+        found.ratio_intervals[k] = within_one([moments.ratios[k] - below, moments.ratios[k] + above]);
+        if below.max(above) > WIDE {
+            return is_weak(found, bends(k));
+        }
     }
     Ok(found)
+}
+
+/// Why a moment is not determined whose likelihood has no end within what is allowed.
+fn bends(moment: usize) -> String {
+    format!(
+        "the ratio of the {} moment is known to ±{WIDE} only: along a valley that bends, the sum of squares rises slower than its derivatives say",
+        NAMES[moment]
+    )
+}
+
+/// The moments in their order as fractions of the greatest.
+fn sorted_ratios(x: &Unknowns) -> Vector3<f64> {
+    let mut moments: [f64; 3] = Principal::of_numbers(&x.as_slice()[..OF_INERTIA]).moments.into();
+    moments.sort_by(f64::total_cmp);
+    Vector3::from(moments) / moments[2]
 }
 
 /// Ends of an interval within 0 and 1.
@@ -191,7 +220,7 @@ fn covariance(
 ) -> Result<Option<Covariance>, InertiaEstimateError> {
     let motion = |x: &[f64]| Motion::tumbling(x, &fit.base);
     let ties = Some((PRIOR * sigma, [0.0; OF_INERTIA]));
-    let squares = Squares { record, part: 0..record.times.len(), motion: &motion, ties, token };
+    let squares = Squares { record, part: 0..record.times.len(), motion: &motion, ties, held: None, token };
     let linear = squares.linearized(&DVector::from_column_slice(fit.x.as_slice()))?;
     let found = linear.and_then(|linear| inverse_normal(&linear.triangle, sigma));
     Ok(found.map(|found| Covariance::from_column_slice(found.as_slice())))
@@ -257,30 +286,36 @@ impl Moments {
     }
 
     /// What two moments differ by at most, at the level of the intervals, as a fraction of their mean.
-    fn greatest_difference(&self, [i, j]: [usize; 2]) -> f64 {
-        let mut apart = Vector6::zeros();
-        (apart[i], apart[j]) = (-1.0, 1.0);
-        let half_width = self.quantile * apart.dot(&(self.within * apart)).max(0.0).sqrt();
-        (self.ratios[j] - self.ratios[i] + half_width) / (0.5 * (self.ratios[i] + self.ratios[j]))
+    fn greatest_difference(
+        &self,
+        [i, j]: [usize; 2],
+        profile: &Profile<'_>,
+    ) -> Result<f64, InertiaEstimateError> {
+        let mean = 0.5 * (self.ratios[i] + self.ratios[j]);
+        let apart = |x: &Unknowns| {
+            let own = in_axes(x, &self.axes);
+            (own[j] - own[i]) / mean
+        };
+        Ok((self.ratios[j] - self.ratios[i]) / mean + profile.distances(&apart, DIFFERENT)?[1])
     }
 
-    /// Says of a pair of moments that they are equal, whose difference is at most `bound` of their mean.
-    fn make_equal(
-        &self,
-        found: &mut InertiaEstimate,
-        [i, j]: [usize; 2],
-        bound: f64,
-        fit: &Fit,
-        covariance: &Covariance,
-    ) {
+    /// The third moment as a fraction of the mean of a pair, which is not drawn apart by noise.
+    fn over_pair(&self, x: &Unknowns, [i, j]: [usize; 2]) -> f64 {
+        let own = in_axes(x, &self.axes);
+        2.0 * own[3 - i - j] / (own[i] + own[j])
+    }
+
+    /// By how much that may be off, at the level of the intervals.
+    fn pair_off(&self, pair: [usize; 2], profile: &Profile<'_>) -> Result<f64, InertiaEstimateError> {
+        let [below, above] = profile.distances(&|x| self.over_pair(x, pair), WIDE)?;
+        Ok(below.max(above))
+    }
+
+    /// Says of a pair of moments that they are equal, whose difference is at most `bound` of their mean; `off` is that of the third
+    /// over the mean.
+    fn make_equal(&self, found: &mut InertiaEstimate, [i, j]: [usize; 2], bound: f64, off: f64, fit: &Fit) {
         let third = 3 - i - j;
-        // the third moment as a fraction of the mean of the two, which is not drawn apart by noise
-        let of_pair = |x: &Unknowns| {
-            let own = in_axes(x, &self.axes);
-            SVector::<f64, 1>::new(2.0 * own[third] / (own[i] + own[j]))
-        };
-        let ratio = of_pair(&fit.x)[0];
-        let off = self.quantile * errors(&slopes(of_pair, &fit.x), covariance)[0];
+        let ratio = self.over_pair(&fit.x, [i, j]);
         // each of the two is by up to half the bound away from their mean
         let [below, above] = [1.0 - 0.5 * bound, 1.0 + 0.5 * bound];
         let of_third = [ratio, (ratio - off) * below, ratio + off];
@@ -336,9 +371,7 @@ fn rival(fits: &[Fit], best: &Moments, sigma: f64) -> Option<Vector3<f64>> {
         chi_squared_tail(excess, OF_INERTIA as f64) > SURE
             && off.zip_fold(&allowed, false, |any, off, allowed| any || off.abs() > allowed)
     })?;
-    let mut moments: [f64; 3] = Principal::of_numbers(&other.x.as_slice()[..OF_INERTIA]).moments.into();
-    moments.sort_by(f64::total_cmp);
-    Some(Vector3::from(moments) / moments[2])
+    Some(sorted_ratios(&other.x))
 }
 
 /// The rotation of constant angular velocity that is nearest to the attitudes.
@@ -358,7 +391,8 @@ fn steady(
     token: &CancellationToken,
 ) -> Result<Option<Steady>, InertiaEstimateError> {
     let motion = |x: &[f64]| Motion::steady(x, &fit.base);
-    let squares = Squares { record, part: 0..record.times.len(), motion: &motion, ties: None, token };
+    let squares =
+        Squares { record, part: 0..record.times.len(), motion: &motion, ties: None, held: None, token };
     let mut start = DVector::zeros(6);
     start.rows_mut(3, 3).copy_from(&fit.x.fixed_rows::<3>(8));
     let Some(End { x, .. }) = descend(&squares, start, PRECISE)? else { return Ok(None) };

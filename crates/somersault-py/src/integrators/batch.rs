@@ -123,15 +123,17 @@ pub(crate) fn integrate_batch(
         Ok(RigidBody(body)) => vec![body; list.len()?],
         Err(_) => Cast::extract("bodies", bodies)?.bodies,
     };
-    let mut starts: Vec<RigidBodyState> = Vec::with_capacity(bodies.len());
+    let times = recorded(interval, t_eval, bodies.len())?;
+    let mut states: Vec<RigidBodyState> = Vec::with_capacity(bodies.len());
     for entry in list.try_iter()? {
         let entry = entry?;
         let State(state) = entry.extract().map_err(|_| wrong(format!("{} in it", a_type(&entry))))?;
-        starts.push(state);
+        states.push(state);
     }
-    expect_length("states", bodies.len(), starts.len())?;
+    expect_length("states", bodies.len(), states.len())?;
+    let gravity = Gravity { acceleration: vector_or("gravity", gravity, Vector3::zeros())? };
     let steps = StepArguments { dt: None, rtol, atol, max_step, first_step, max_steps };
-    let batch = Batch::read(bodies, starts, interval, t_eval, gravity)?;
+    let batch = Batch { bodies, states, interval, times, gravity };
     batch.run(py, &Asked { dt, method, forces, steps })
 }
 
@@ -213,6 +215,7 @@ pub(crate) fn integrate_arrays(
 ) -> Result<Trajectory, Error> {
     let moments = rows_of_three("moments", moments)?;
     let n = moments.len();
+    let times = recorded(interval, t_eval, n)?;
     let masses = mass.map_or_else(|| Ok(vec![1.0; n]), |mass| numbers_or_one("mass", n, mass))?;
     let mut bodies = Vec::with_capacity(n);
     for (at, (mass, moments)) in std::iter::zip(masses, moments).enumerate() {
@@ -228,11 +231,12 @@ pub(crate) fn integrate_arrays(
     let of = |vectors: &Option<Vec<Vector3<f64>>>, i: usize| {
         vectors.as_ref().map_or_else(Vector3::zeros, |vectors| vectors[i])
     };
-    let starts = (0..n)
+    let states = (0..n)
         .map(|i| RigidBodyState::new(of(&positions, i), orientations[i], of(&velocities, i), spins[i]))
         .collect();
+    let gravity = Gravity { acceleration: vector_or("gravity", gravity, Vector3::zeros())? };
     let steps = StepArguments { dt: None, rtol, atol, max_step, first_step, max_steps };
-    let batch = Batch::read(bodies, starts, interval, t_eval, gravity)?;
+    let batch = Batch { bodies, states, interval, times, gravity };
     batch.run(py, &Asked { dt, method, forces, steps })
 }
 
@@ -255,22 +259,6 @@ struct Asked<'a, 'py> {
 }
 
 impl Batch {
-    fn read(
-        bodies: Vec<body::RigidBody>,
-        states: Vec<RigidBodyState>,
-        interval: [f64; 2],
-        t_eval: Option<&Bound<'_, PyAny>>,
-        gravity: Option<&Bound<'_, PyAny>>,
-    ) -> Result<Self, Error> {
-        let times = recorded(interval, t_eval)?;
-        let of_a_body = size_of::<body::RigidBody>() + size_of::<TimeGrid>() + size_of::<usize>();
-        let states_of_a_body = size_of::<RigidBodyState>().saturating_mul(times.len());
-        let bytes = bodies.len().saturating_mul(states_of_a_body.saturating_add(of_a_body));
-        expect_room("the states at `t_eval`", bytes)?;
-        let gravity = Gravity { acceleration: vector_or("gravity", gravity, Vector3::zeros())? };
-        Ok(Self { bodies, states, interval, times, gravity })
-    }
-
     fn run(self, py: Python<'_>, asked: &Asked<'_, '_>) -> Result<Trajectory, Error> {
         let (n, [start, end]) = (self.bodies.len(), self.interval);
         let method = asked.method.map(|method| methods::extract("method", method)).transpose()?;
@@ -389,12 +377,25 @@ fn vectors_of(argument: &str, bodies: usize, value: &Bound<'_, PyAny>) -> Result
     Ok(vectors)
 }
 
-/// The times at which states are recorded.
-fn recorded([start, end]: [f64; 2], t_eval: Option<&Bound<'_, PyAny>>) -> Result<Vec<f64>, Error> {
+/// The times at which states of so many bodies are recorded, where there is room for all that a batch needs.
+fn recorded(
+    [start, end]: [f64; 2],
+    t_eval: Option<&Bound<'_, PyAny>>,
+    bodies: usize,
+) -> Result<Vec<f64>, Error> {
     check_interval(start, end)?;
-    let Some(times) = t_eval else { return Ok(vec![start, end]) };
-    let times = real_numbers("t_eval", times)?;
-    check_times((start, end), &times).map_err(IntegrateError::from)?;
+    let times = match t_eval {
+        None => vec![start, end],
+        Some(times) => {
+            let times = real_numbers("t_eval", times)?;
+            check_times((start, end), &times).map_err(IntegrateError::from)?;
+            times
+        }
+    };
+    let of_a_body = size_of::<body::RigidBody>() + size_of::<TimeGrid>() + size_of::<usize>();
+    let states_of_a_body = size_of::<RigidBodyState>().saturating_mul(times.len());
+    let bytes = bodies.saturating_mul(states_of_a_body.saturating_add(of_a_body));
+    expect_room("the states at `t_eval`", bytes)?;
     Ok(times)
 }
 

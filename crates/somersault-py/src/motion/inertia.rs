@@ -57,9 +57,10 @@ use somersault::motion::nalgebra::{Matrix3, Vector3};
 /// principal axis says nothing of its moments (a test of likelihood against steady rotation at the level 10⁻³
 /// decides), and a symmetric one nothing of the axes in its plane of symmetry. Residuals whose neighbours are
 /// correlated are a misfit: another torque, another minimum, world and body exchanged, or noise that was
-/// filtered. Intervals are those of the linearised problem; where `noise` is not given, by Student's
-/// distribution. The cost is some hundred evaluations of the exact motion for each of 4 to 15 starts:
-/// 0.1 s for 200 attitudes that identify the body, and up to 2 s where nothing fits.
+/// filtered. Intervals of the ratios are those of the profile of the likelihood where that is wider than the linearised problem says, all
+/// others those of the linearised problem; where `noise` is not given, by Student's distribution. The cost is some hundred evaluations of the
+/// exact motion for each of 8 to 19 starts:
+/// 0.2 s for 200 attitudes that identify the body, and up to 2 s where nothing fits.
 ///
 /// Sources: L. D. Landau and E. M. Lifshitz, Mechanics, §37; G. A. F. Seber and C. J. Wild, Nonlinear
 /// Regression, Wiley 1989, §5.
