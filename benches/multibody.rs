@@ -4,8 +4,11 @@
 //! `cargo bench --bench multibody`; `benches/peers/multibody.py` times Pinocchio on the same tree and state.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use somersault::core::cancel::CancellationToken;
 use somersault::core::lanes::InstructionSet;
+use somersault::integrators::methods::RungeKuttaMuntheKaas4;
 use somersault::multibody::flight::{Flight, FlightData, FlightSystem};
+use somersault::multibody::motion::{HeldTorques, TreeSystem, rollout};
 use somersault::multibody::{Data, DerivativeData, LaneData, LaneDerivativeData, Split};
 use somersault::prelude::{Method, Run, TimeGrid};
 use somersault_testkit::trees::{Random, State, diver, geared_diver, humanoid, random_configuration};
@@ -94,6 +97,22 @@ fn many_states(c: &mut Criterion) {
     let mut group = c.benchmark_group("1024 states of the diver");
     group.throughput(Throughput::Elements(COUNT as u64));
     let (mut data, mut work) = (Data::new(&model), DerivativeData::new(&model));
+    group.bench_function("a step of a rollout", |b| {
+        let grid = TimeGrid::try_new(0.0, 1e-3, 1e-3).expect("an interval");
+        let (torques, token) = (HeldTorques::default(), CancellationToken::new());
+        b.iter(|| rollout(&model, &q, &v, &grid, &torques, 1, &token).expect("the diver moves"))
+    });
+    group.bench_function("a step, one by one", |b| {
+        let grid = TimeGrid::try_new(0.0, 1e-3, 1e-3).expect("an interval");
+        let system = TreeSystem::new(&model, ());
+        b.iter(|| {
+            for (q, v) in q.chunks_exact(n_q).zip(v.chunks_exact(n)) {
+                let start = model.state(q, v).expect("lengths fit");
+                let run = Run::by_stepper(&system, &RungeKuttaMuntheKaas4, grid);
+                black_box(run.from(&start).expect("the diver moves"));
+            }
+        })
+    });
     group.bench_function("rnea, one by one", |b| {
         b.iter(|| {
             for (i, out) in out.chunks_mut(n).enumerate() {

@@ -70,12 +70,14 @@ def interleaved(
     runs: Mapping[str, Callable[[], object]],
     repetitions: int,
     clock: Callable[[], float] = time.process_time,
+    pause: float = 0.0,
 ) -> dict[str, float]:
     """The median seconds of each run, taken in turns so that a busy machine troubles all alike.
 
     The clock is that of the processor, since on a busy machine the wall clock also counts the turns of
     others, and more of them for a longer run; runs on several cores need `time.perf_counter`. A run shorter
-    than a millisecond is repeated within a sample.
+    than a millisecond is repeated within a sample. During a `pause` in seconds before each sample the threads
+    of the run before, which still look for work, go to sleep.
     """
 
     def seconds(run: Callable[[], object], count: int) -> float:
@@ -91,6 +93,7 @@ def interleaved(
     samples: dict[str, list[float]] = {name: [] for name in runs}
     for _ in range(repetitions):
         for name, run in runs.items():
+            time.sleep(pause)
             samples[name].append(seconds(run, counts[name]))
     return {name: statistics.median(values) for name, values in samples.items()}
 

@@ -2,7 +2,8 @@
 
 M(q) a + h(q, v) = τ + Σ Jᵀ f, with the mass matrix M, the bias h, joint forces τ and external wrenches f.
 A `Model` is made of `Link` objects, or read from URDF or MJCF; `cart_pendulum` and the like make those with a
-name. `integrate_tree` moves a tree, and `fly` one in the air whose joints move as prescribed.
+name. `integrate_tree` moves a tree, `rollout` many copies of it, and `fly` one in the air whose joints move
+as prescribed.
 
 >>> import numpy as np
 >>> from somersault import multibody

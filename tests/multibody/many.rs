@@ -4,13 +4,16 @@ use crate::Torques;
 use nalgebra::{Matrix3, Vector3};
 use somersault::integrators::driver::IntegrateError;
 use somersault::integrators::methods::RungeKuttaMuntheKaas4;
-use somersault::multibody::motion::{BodyWrenches, TreeEnsemble, TreeForces, TreeSystem};
+use somersault::multibody::motion::{
+    BodyWrenches, HeldTorques, RolloutError, TreeEnsemble, TreeForces, TreeSystem, rollout,
+};
 use somersault::multibody::{
     Data, DerivativeData, DynamicsError, Force, Joint, LaneData, LaneDerivativeData, Link, MassProperties,
     Model, Partials, Velocities,
 };
 use somersault::prelude::*;
 use somersault_core::argument::ArgumentError;
+use somersault_core::cancel::CancellationToken;
 use somersault_core::lanes::InstructionSet;
 use somersault_testkit::trees::{Case, Random, State, cases, diver, geared_diver, random_configuration};
 
@@ -286,4 +289,59 @@ fn a_run_of_copies_names_the_one_without_an_acceleration() {
     let error = Run::by_stepper(&ensemble, &RungeKuttaMuntheKaas4, grid).from(&start).unwrap_err();
     assert!(matches!(error, IntegrateError::Fault { .. }), "{error}");
     assert!(error.to_string().contains("state 1"), "{error}");
+}
+
+#[test]
+fn rollouts_are_motions_of_copies_alone_under_torques_held_for_a_step() {
+    let model = diver().model;
+    let (n_q, n) = (model.n_positions(), model.n_velocities());
+    let (copies, steps) = (19, 7);
+    let States { q, v, .. } = states(&model, &mut Random::new(5), copies);
+    let values = Random::new(6).numbers(copies * steps * n, 3.0);
+    let torques = HeldTorques { values: &values, copies, steps };
+    // the last step is shorter
+    let grid = TimeGrid::try_new(0.5, 0.5 + 6.5e-3, 1e-3).unwrap();
+    let token = CancellationToken::new();
+    let found = rollout(&model, &q, &v, &grid, &torques, 3, &token).unwrap();
+    assert_eq!(found.times, [0, 3, 6, 7].map(|k| grid.time(k)));
+
+    for copy in [0, 7, 15, 16, 18] {
+        let mut x = model.state(&q[copy * n_q..][..n_q], &v[copy * n..][..n]).unwrap();
+        for step in 0..steps {
+            let row = values[(copy * steps + step) * n..][..n].to_vec();
+            let held = move |_: f64, _: &[f64], _: &[f64], torque: &mut [f64]| torque.copy_from_slice(&row);
+            let system = TreeSystem::new(&model, Box::new(held) as Torques);
+            let [start, end] = [0, 1].map(|k| grid.time(step as u64 + k));
+            let one = TimeGrid::try_new(start, end, end - start).unwrap();
+            x = Run::by_stepper(&system, &RungeKuttaMuntheKaas4, one).from(&x).unwrap().state;
+        }
+        let mut velocities = vec![0.0; n];
+        model.joint_velocities(&x, &mut velocities).unwrap();
+        let at_end = copy * 4 + 3;
+        let apart = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        // the lengths of the steps alone differ, in their last bits
+        assert!(apart(&found.positions[at_end * n_q..][..n_q], x.configuration.as_slice()) < 1e-12);
+        assert!(apart(&found.velocities[at_end * n..][..n], &velocities) < 1e-10);
+    }
+    token.cancel();
+    let cancelled = rollout(&model, &q, &v, &grid, &torques, 1, &token);
+    assert_eq!(cancelled, Err(RolloutError::Cancelled));
+    let short = HeldTorques { values: &values[1..], ..torques };
+    let refused = rollout(&model, &q, &v, &grid, &short, 1, &CancellationToken::new());
+    assert!(matches!(
+        refused,
+        Err(RolloutError::Argument(ArgumentError::Length { argument: "torques", .. }))
+    ));
+}
+
+#[test]
+fn a_rollout_names_the_copy_without_an_acceleration() {
+    let model = sliders();
+    let q: Vec<f64> = (0..20).flat_map(|i| if i == 17 { [0.1, 0.0, 0.2] } else { [0.1, 0.3, 0.2] }).collect();
+    let grid = TimeGrid::try_new(0.0, 0.02, 2e-3).unwrap();
+    let found = rollout(&model, &q, &[0.0; 60], &grid, &HeldTorques::default(), 1, &CancellationToken::new());
+    assert!(
+        matches!(found, Err(RolloutError::Copy { copy: 17, source: IntegrateError::Fault { .. } })),
+        "{found:?}"
+    );
 }

@@ -310,6 +310,7 @@ multibody.cart_pendulum(2.0, 1.0, 1.0, 9.81)
 multibody.two_link_arm((0.5, 0.5), (1.0, 1.0), (0.1, 0.1))
 planar, spatial = multibody.diver_planar(65.0, 1.7, 9.81), multibody.diver_spatial(65.0, 1.7, 9.81)
 spatial.configuration("A")
+multibody.rollout(model, [q, q], v, (0.0, 0.1), 0.01, torque=np.zeros((2, 10, 2)), every=5)
 swing = multibody.integrate_tree(model, q, v, (0.0, 0.1), dt=0.01, torque=[0.1, 0.0], dense_output=True)
 swing.sol([0.01, 0.02])
 multibody.integrate_tree(

@@ -258,6 +258,7 @@ LONG = {
     "components": "motion.Pca(np.random.default_rng(0).normal(size=(3000, 3000)))",
     "rows": "diver.mass_matrix(np.zeros((10**5, diver.n_positions)) + diver.neutral())",
     "batch": "somersault.batch.integrate_batch(BODY, [START] * 2000, (0.0, 100.0), 1e-4)",
+    "rollouts": "multibody.rollout(diver, [diver.neutral()] * 999, [0] * 27, (0, 1e3), 1e-3, every=10**6)",
     "adapted batch": "somersault.batch.integrate_batch(BODY, [START] * 2000, (0.0, 1e4))",
 }
 #: Those of them that always have found something.

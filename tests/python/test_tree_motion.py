@@ -269,3 +269,68 @@ def test_bad_flights_are_refused() -> None:
     caught = raises(LookupError, "forgotten", fly(late))
     kept = caught.solution  # type: ignore[attr-defined]
     assert kept.status == -2 and np.isfinite(kept.q).all() and 0.2 < kept.t[-1] <= 0.25
+
+
+def test_rollouts_are_motions_of_copies_alone() -> None:
+    pole, rng = multibody.cart_pendulum(), np.random.default_rng(20261127)
+    q, v = rng.normal(size=(18, 2)), rng.normal(size=(18, 2))
+    torque = rng.normal(0.0, 3.0, (18, 3, 2)) * [1.0, 0.0]
+    t, positions, velocities = multibody.rollout(pole, q, v, (0.0, 0.29), 0.1, torque=torque)
+    np.testing.assert_allclose(t, [0.0, 0.1, 0.2, 0.29], atol=1e-15)
+    assert positions.shape == velocities.shape == (18, 4, 2)
+    for k in (0, 15, 16, 17):
+        x = (q[k], v[k])
+        for step in range(3):
+            interval = (t[step], t[step + 1])
+            held = integrate_tree(
+                pole, *x, interval, dt=interval[1] - interval[0], method="rkmk", torque=torque[k, step]
+            )
+            x = (held.q[-1], held.v[-1])
+            np.testing.assert_allclose(positions[k, step + 1], x[0], atol=1e-13)
+            np.testing.assert_allclose(velocities[k, step + 1], x[1], atol=1e-13)
+
+
+def test_one_state_and_one_torque_stand_for_all_copies() -> None:
+    arm = multibody.two_link_arm()
+    n = arm.n_velocities
+    q, v, torque = (
+        np.full(n, 0.3),
+        np.zeros(n),
+        np.linspace(-1.0, 1.0, 20)[:, None, None] * np.ones((20, 1, n)),
+    )
+    t, positions, _ = multibody.rollout(arm, q, v, (0.0, 1.0), 0.01, torque=torque, every=100)
+    assert t.tolist() == [0.0, 1.0]
+    alone = [multibody.rollout(arm, q, v, (0.0, 1.0), 0.01, torque=one[0])[1][0, -1] for one in torque]
+    np.testing.assert_array_equal(positions[:, -1], alone)
+    assert multibody.rollout(arm, q, [v] * 3, (0.0, 1.0), 0.1)[1].shape == (3, 11, n)
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"q": [0.0]}, errors.InputError, r"`q` must be real numbers of shape \(2,\) or \(n, 2\)"),
+        ({"v": [np.nan, 0.0]}, errors.InputError, "`v` must be finite, found NaN"),
+        ({"q": np.zeros((0, 2))}, errors.InputError, "`q` must be of at least one copy, found none"),
+        (
+            {"q": np.zeros((2, 2)), "torque": np.zeros((3, 50, 2))},
+            errors.InputError,
+            "`torque` must be of one copy or of the 2 of `q`, found 3",
+        ),
+        (
+            {"torque": np.zeros((3, 49, 2))},
+            errors.InputError,
+            "`torque` must be of one step or of the 50 of `interval` and `dt`, found 49",
+        ),
+        ({"torque": spring}, errors.InputError, "found a function; `integrate_tree` takes functions"),
+        ({"interval": (1.0, 0.0)}, errors.InputError, "`interval` must run forward"),
+        ({"every": 0}, errors.InputError, "`every` must be a positive number of steps, found 0"),
+        ({"dt": 1e-9}, errors.InputError, "the states of the copies .* GB of memory, more than there is"),
+        ({"v": [[0.0, 0.0], [1e200, 1e200]]}, errors.DynamicsError, "copy 1: .* mass matrix"),
+    ],
+)
+def test_rollouts_that_are_none(options: dict[str, Any], error: type[Exception], message: str) -> None:
+    given = {"q": [0.0, 0.1], "v": [0.0, 0.0], "interval": (0.0, 0.5), "dt": 0.01, **options}
+    if "dt" in options:
+        given["q"] = np.zeros((1000, 2))
+    with pytest.raises(error, match=message):
+        multibody.rollout(multibody.cart_pendulum(), **given)

@@ -7,7 +7,7 @@
 //!
 //! | Feature | What it adds |
 //! |---|---|
-//! | `rayon` | batches of bodies, studies of energy and stability, on all processors |
+//! | `rayon` | batches of bodies, rollouts of trees, studies of energy and stability, on all processors |
 //! | `multibody` | trees of bodies |
 //! | `robots` | robots from URDF and MJCF, and URDF written, with `multibody` |
 //! | `contact` | compliant contact with located events |

@@ -24,6 +24,7 @@ __all__ = [
     "diver_spatial",
     "fly",
     "integrate_tree",
+    "rollout",
     "two_link_arm",
 ]
 
@@ -319,6 +320,16 @@ class TreeSolution:
     def __len__(self) -> int: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
 
+def rollout(
+    model: Model,
+    q: ArrayLike,
+    v: ArrayLike,
+    interval: tuple[float, float] | Sequence[float],
+    dt: float,
+    *,
+    torque: ArrayLike | None = None,
+    every: int = 1,
+) -> tuple[_Floats, _Floats, _Floats]: ...
 def integrate_tree(
     model: Model,
     q: ArrayLike,

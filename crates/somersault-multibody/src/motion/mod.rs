@@ -37,6 +37,8 @@ mod ensemble;
 mod forces;
 mod linearized;
 mod profile;
+#[cfg(feature = "rayon")]
+mod rollout;
 mod state;
 mod system;
 mod transposed;
@@ -48,6 +50,8 @@ pub use bounds::{LinkBound, LinkBounds, mobility_bound};
 pub use ensemble::{EnsembleWorkspace, TreeEnsemble};
 pub use forces::{BodyWrenches, Driven, JointDrive, TreeForces};
 pub use profile::{Between, Knots, TorqueProfile};
+#[cfg(feature = "rayon")]
+pub use rollout::{HeldTorques, RolloutError, Rollouts, rollout};
 pub use state::TreeState;
 pub use system::{TreeDynamics, TreeSystem};
 pub use transposed::TreeAdjoint;

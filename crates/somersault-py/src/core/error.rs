@@ -152,8 +152,15 @@ impl Error {
 
     /// The error of one of many rows.
     pub(crate) fn in_row(self, row: usize) -> Self {
+        self.of("row", row)
+    }
+
+    /// The error of one of many, by its kind and its number.
+    pub(crate) fn of(self, kind: &str, number: usize) -> Self {
         match self {
-            Self::Own { class, message } => Self::Own { class, message: format!("row {row}: {message}") },
+            Self::Own { class, message } => {
+                Self::Own { class, message: format!("{kind} {number}: {message}") }
+            }
             raised => raised,
         }
     }
@@ -263,12 +270,7 @@ impl From<BatchError> for Error {
             BatchError::Length { .. } | BatchError::NonFinite { .. } | BatchError::NotPositive { .. } => {
                 Self::own(Class::Input, &error)
             }
-            BatchError::Integrate { index, source } => match source.into() {
-                Self::Own { class, message } => {
-                    Self::Own { class, message: format!("body {index}: {message}") }
-                }
-                raised => raised,
-            },
+            BatchError::Integrate { index, source } => Self::from(source).of("body", index),
             error => Self::own(Class::Integration, &error),
         }
     }

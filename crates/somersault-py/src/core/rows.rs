@@ -76,6 +76,11 @@ impl<'py> Rows<'py> {
         }
     }
 
+    /// How many rows were given, where it is not one that stands for all.
+    pub(crate) fn count(&self) -> Option<usize> {
+        self.count
+    }
+
     /// Whether rows were given as many.
     pub(crate) fn is_many(&self) -> bool {
         self.count.is_some()

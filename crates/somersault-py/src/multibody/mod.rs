@@ -11,6 +11,7 @@ pub(crate) mod motion;
 pub(crate) mod partials;
 pub(crate) mod profile;
 pub(crate) mod robot;
+pub(crate) mod rollout;
 pub(crate) mod source;
 
 /// Articulated bodies and their dynamics.
@@ -33,6 +34,8 @@ pub(crate) mod module {
     use crate::multibody::profile::TorqueProfile;
     #[pymodule_export]
     use crate::multibody::robot::{Geometry, Robot};
+    #[pymodule_export]
+    use crate::multibody::rollout::rollout;
 
     #[pymodule_init]
     fn add_models(module: &Bound<'_, PyModule>) -> PyResult<()> {
