@@ -401,6 +401,8 @@ def _determinant(a: Any) -> Any:
 def _norm(x: Any, ord: Any = None, axis: Any = None, keepdims: bool = False) -> Any:
     array = wrapped(objects(x))
     flat = array.reshape(-1) if axis is None else array
+    if ord not in (None, 2, "fro") and isinstance(axis, tuple) and len(axis) > 1:
+        raise refusal("np.linalg.norm of symbols is that of vectors, or the Frobenius norm of matrices")
     if axis is None:
         if keepdims or (ord not in (None, 2, "fro") and array.ndim != 1) or (ord == 2 and array.ndim != 1):
             raise refusal("np.linalg.norm of symbols is that of vectors, or the Frobenius norm of matrices")

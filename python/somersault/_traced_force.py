@@ -42,10 +42,10 @@ class _Orientation:
         return _Orientation(self._matrix.T, self._quaternion * np.array([-1.0, -1.0, -1.0, 1.0]))
 
     def as_matrix(self) -> Any:
-        return self._matrix
+        return np.copy(self._matrix)
 
     def as_quat(self) -> Any:
-        return self._quaternion
+        return np.copy(self._quaternion)
 
     def __getattr__(self, name: str) -> Any:
         raise refusal(
@@ -53,26 +53,29 @@ class _Orientation:
         )
 
 
-class _State:
-    """A `State` of symbols."""
+class _Copies:
+    """Arrays of symbols as attributes: a copy each time, which the function may change."""
 
-    def __init__(
-        self, position: Any, orientation: _Orientation, velocity: Any, angular_velocity: Any
-    ) -> None:
-        self.position, self.orientation = position, orientation
-        self.velocity, self.angular_velocity = velocity, angular_velocity
-        self.quaternion = orientation.as_quat()
-        self.angular_velocity_body = orientation.apply(angular_velocity, inverse=True)
-
-
-class _Body:
-    """A `RigidBody` of symbols."""
-
-    def __init__(self, mass: Any, inertia: Any) -> None:
-        self.mass, self.inertia = mass, inertia
+    def __init__(self, **arrays: Any) -> None:
+        self._arrays = arrays
 
     def __getattr__(self, name: str) -> Any:
-        raise refusal(f"`{name}` of a body cannot be traced; `mass` and `inertia` can")
+        if name not in self._arrays:
+            raise AttributeError(f"{type(self).__name__.strip('_')} has no {name} that can be traced")
+        return np.copy(self._arrays[name])
+
+
+class _State(_Copies):
+    """A `State` of symbols."""
+
+    def __init__(self, orientation: _Orientation, **arrays: Any) -> None:
+        rate = orientation.apply(arrays["angular_velocity"], inverse=True)
+        super().__init__(**arrays, quaternion=orientation.as_quat(), angular_velocity_body=rate)
+        self.orientation = orientation
+
+
+class _Body(_Copies):
+    """A `RigidBody` of symbols."""
 
 
 def traced(f: Callable[..., tuple[Any, Any]]) -> TracedForce:
@@ -131,8 +134,9 @@ def traced(f: Callable[..., tuple[Any, Any]]) -> TracedForce:
         mass: Any,
         inertia: Any,
     ) -> Any:
-        state = _State(position, _Orientation(matrix, quaternion), velocity, angular_velocity)
-        returned = f(t, state, _Body(mass, inertia)) if takes_body else f(t, state)
+        orientation = _Orientation(matrix, quaternion)
+        state = _State(orientation, position=position, velocity=velocity, angular_velocity=angular_velocity)
+        returned = f(t, state, _Body(mass=mass, inertia=inertia)) if takes_body else f(t, state)
         return np.concatenate(_pair(returned))
 
     graph, blocks, outputs, _, _ = _recorded(numbers, _INPUTS)
@@ -140,18 +144,26 @@ def traced(f: Callable[..., tuple[Any, Any]]) -> TracedForce:
 
 
 def _takes_body(f: Any) -> bool:
+    """Whether a function takes a body: where its third argument must be given, or is called so."""
     if not callable(f):
         raise InputError(f"`f` must be a function, found {type(f).__name__}")
     try:
         signature = inspect.signature(f)
     except (TypeError, ValueError):
         return False
-    for count in (3, 2):
+
+    def takes(count: int) -> bool:
         try:
             signature.bind(*range(count))
         except TypeError:
-            continue
-        return count == 3
+            return False
+        return True
+
+    named = list(signature.parameters)[2:3] == ["body"]
+    if takes(3) and (named or not takes(2)):
+        return True
+    if takes(2):
+        return False
     raise InputError(f"`f` must take (t, state) or (t, state, body), found {signature}")
 
 

@@ -168,6 +168,11 @@ def test_one_model_acts_on_all_bodies_of_arrays() -> None:
         assert np.all(np.abs(np.sum(exact * motion.quaternion[-1], axis=1)) > 1 - 1e-12)
 
 
+def test_a_step_that_is_wrong_is_found_where_no_step_is_made(body: RigidBody, state: State) -> None:
+    with pytest.raises(somersault.InputError, match="`dt` must be positive and finite, found -1"):
+        batch.integrate_batch([body] * 2, [state] * 2, (0.0, 1.0), [0.1, -1.0], t_eval=[0.0])
+
+
 def test_bad_forces_of_a_batch(body: RigidBody, state: State) -> None:
     def run(**options: object) -> object:
         return batch.integrate_batch([body] * 3, [state] * 3, (0.0, 1.0), **options)  # type: ignore[arg-type]

@@ -259,6 +259,7 @@ LONG = {
     "rows": "diver.mass_matrix(np.zeros((10**5, diver.n_positions)) + diver.neutral())",
     "batch": "somersault.batch.integrate_batch(BODY, [START] * 2000, (0.0, 100.0), 1e-4)",
     "rollouts": "multibody.rollout(diver, [diver.neutral()] * 999, [0] * 27, (0, 1e3), 1e-3, every=10**6)",
+    "few bodies": "somersault.batch.integrate_batch(BODY, [START] * 2, (0.0, 1e4), 1e-5)",
     "adapted batch": "somersault.batch.integrate_batch(BODY, [START] * 2000, (0.0, 1e4))",
 }
 #: Those of them that always have found something.

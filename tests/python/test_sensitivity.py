@@ -119,3 +119,27 @@ def test_what_has_no_derivative_is_refused_by_name() -> None:
         differentiate(top, 0.01, parameters=["length"])
     with pytest.raises(errors.InputError, match="`parameters` must be a sequence"):
         differentiate(top, 0.01, parameters=4)
+
+
+def test_the_derivative_by_the_inertia_counts_forces_that_depend_on_it() -> None:
+    # A torque in proportion to the inertia turns a body alike whatever its inertia is.
+    start = State((0.0, 0.0, 1.0), (0.1, 0.2, 0.3, 0.9), angular_velocity=(0.1, 0.3, -0.2))
+    orbit = forces.Orbit(6.778e6)
+    tide = forces.traced(lambda t, x, body: (np.trace(body.inertia) * x.position, np.zeros(3)))
+    away = contact.Contact((0, 0, 0), contact.HalfSpace((0, 0, -100.0)), CompliantLaw(50.0, 0.5))
+
+    def run(scale: float, parameters: list[str] | None = None) -> contact.Sensitivities:
+        body = somersault.RigidBody(1.0, np.diag([0.1, 0.2, 0.25]) * scale)
+        acting = [forces.GravityGradient(orbit), tide]
+        return contact.differentiate(
+            body, start, (0.0, 1.0), dt=0.1, contacts=away, forces=acting, parameters=parameters
+        )
+
+    h = 1e-4
+    more, less, found = run(1 + h), run(1 - h), run(1.0, ["inertia_scale"]).by_parameters[:, 0]
+    slope = (more.state.position - less.state.position) / (2 * h)
+    np.testing.assert_allclose(found[:3], slope, atol=1e-8)
+    assert np.abs(slope).max() > 0.1
+    # neither the rates nor the orientation depend on it
+    np.testing.assert_allclose(more.state.angular_velocity, less.state.angular_velocity, atol=1e-13)
+    np.testing.assert_allclose(found[[3, 4, 5, 9, 10, 11]], 0.0, atol=1e-9)

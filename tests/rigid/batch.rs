@@ -7,6 +7,7 @@ use somersault_core::{Inertia, lie::so3};
 use somersault_integrators::batch::{BatchError, FreeBodyBatch, FreeRuns, InstructionSet, Runs};
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{IntegrateError, TimeGrid};
+use somersault_integrators::exact::FreeBody;
 use somersault_integrators::force::{ForceModel, Gravity, Spring};
 use somersault_integrators::methods::Method;
 use somersault_integrators::run::Run;
@@ -395,4 +396,23 @@ fn states_recorded_at_times_are_those_of_each_system_alone() {
     assert!(matches!(beyond, Err(BatchError::Integrate { index: 0, source: IntegrateError::Argument(_) })));
     token.cancel();
     assert_eq!(recorded(&times, &token), Err(BatchError::Cancelled));
+}
+
+#[test]
+fn long_runs_are_those_of_bodies_alone_and_end_when_they_are_cancelled() {
+    let (bodies, states, _) = flight(3);
+    // more steps than are made between two looks at the token, in company that ends early
+    let grids =
+        [70_000, 40_000, 10].map(|steps| TimeGrid::try_new(0.0, 1e-4 * f64::from(steps), 1e-4).unwrap());
+    let ends = FreeRuns::new(&bodies, &grids).from(&states).unwrap();
+    for i in 0..3 {
+        let alone = FreeRuns::new(&bodies[i..=i], &grids[i..=i]).from(&states[i..=i]).unwrap();
+        assert_eq!(ends[i], alone[0]);
+        let exact = FreeBody::try_new(&bodies[i], &states[i]).unwrap();
+        assert!(distance(&ends[i], &exact.at(grids[i].time(grids[i].steps())).unwrap()) < 1e-9, "{i}");
+    }
+    let token = CancellationToken::new();
+    token.cancel();
+    let cancelled = FreeRuns::new(&bodies, &grids).advance(&mut states.clone(), &token);
+    assert_eq!(cancelled, Err(BatchError::Cancelled));
 }

@@ -201,6 +201,15 @@ impl Inertia {
         Self::try_tensor(0.5 * (turned + turned.transpose()))
     }
 
+    /// The inertia of the same body, so many times as dense.
+    ///
+    /// Errors: moments that are then not those of a body.
+    pub fn scaled(&self, factor: f64) -> Result<Self, InertiaError> {
+        let Self { principal_moments, .. } = Self::try_principal(self.principal_moments * factor)?;
+        let (tensor, inverse) = (self.tensor * factor, self.inverse / factor);
+        Ok(Self { tensor, inverse, principal_moments, ..*self })
+    }
+
     /// Tensor in the body frame.
     #[inline]
     pub fn tensor(&self) -> &Matrix3<f64> {

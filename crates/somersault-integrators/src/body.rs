@@ -59,6 +59,11 @@ impl RigidBody {
         Self { mass, ..*self }
     }
 
+    /// The same body with its inertia multiplied by a factor near 1, which a difference quotient needs.
+    pub(crate) fn with_inertia_scaled(&self, factor: f64) -> Result<Self, BodyError> {
+        Ok(Self { inertia: self.inertia.scaled(factor)?, ..*self })
+    }
+
     /// A body whose axes are principal axes with the given moments.
     pub fn try_principal(mass: f64, moments: Vector3<f64>) -> Result<Self, BodyError> {
         Self::try_new(mass, Inertia::try_principal(moments)?)

@@ -103,6 +103,25 @@ pub trait ForceModel {
     }
 }
 
+/// Derivative of the wrench with respect to a factor on the inertia of the body, at 1: by a central difference, exact but for
+/// rounding where the wrench is linear in the inertia. NaN where there is no body of an inertia so near.
+pub fn inertia_scale_derivative(
+    force: &(impl ForceModel + ?Sized),
+    t: f64,
+    body: &RigidBody,
+    x: &RigidBodyState,
+) -> Wrench {
+    const STEP: f64 = 6e-6;
+    if force.is_free() {
+        return Wrench::default();
+    }
+    let at = |factor| body.with_inertia_scaled(factor).map(|body| force.wrench(t, &body, x));
+    match (at(1.0 + STEP), at(1.0 - STEP)) {
+        (Ok(more), Ok(less)) => (more - less) * (0.5 / STEP),
+        _ => Wrench::default() * f64::NAN,
+    }
+}
+
 impl ForceModel for () {
     #[inline]
     fn wrench(&self, _: f64, _: &RigidBody, _: &RigidBodyState) -> Wrench {

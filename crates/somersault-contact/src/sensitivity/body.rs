@@ -16,7 +16,7 @@ use crate::surface::SurfaceFault;
 use nalgebra::{Dyn, OMatrix, SMatrix, SVector, U12, Vector3};
 use somersault_integrators::augmented::{Augmented, AugmentedRate};
 use somersault_integrators::events::{Energy, Event, Guard, Hybrid, Located, Sweep};
-use somersault_integrators::force::{ForceModel, Wrench};
+use somersault_integrators::force::{ForceModel, Wrench, inertia_scale_derivative};
 use somersault_integrators::state::{Pose, Rate, RigidBodyState, State, Twist};
 use somersault_integrators::system::{Fault, System, world_acceleration};
 use somersault_integrators::variation::{AccelerationDerivative, Tangent};
@@ -174,10 +174,10 @@ impl<F: ForceModel> Differentiable for BodyInContact<F> {
         let (base, body) = (state::<F>(x), &self.body);
         let change = match parameter {
             Parameter::Mass => self.forces.0.mass_derivative(t, body, &base),
+            Parameter::InertiaScale => inertia_scale_derivative(&self.forces.0, t, body, &base),
             Parameter::Force(derivative) => derivative(t, body, &base),
             Parameter::Normal(..)
             | Parameter::Friction(..)
-            | Parameter::InertiaScale
             | Parameter::JointForce(_)
             | Parameter::JointForceAt(..)
             | Parameter::Tree(_) => return,

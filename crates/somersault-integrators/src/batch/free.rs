@@ -83,20 +83,15 @@ impl Tile {
         }
     }
 
-    /// Takes all steps from the bodies, as before they are set.
-    pub(super) fn hold_all(&mut self) {
+    /// Takes all bodies out.
+    pub(super) fn clear(&mut self) {
         self.steps = Row([0.0; TILE]);
         self.steps_range = (u64::MAX, 0);
     }
 
-    /// Whether a body has steps.
-    pub(super) fn moves(&self) -> bool {
-        self.steps_range.1 > 0
-    }
-
     /// Puts a body into entry `at`: principal moments, unit quaternion (real part first),
     /// half-angle vector per step.
-    pub(super) fn set(&mut self, at: usize, moments: [f64; 3], q: [f64; 4], v: [f64; 3], steps: u64) {
+    pub(super) fn set(&mut self, at: usize, moments: [f64; 3], q: [f64; 4], v: [f64; 3]) {
         for i in 0..3 {
             let a = (moments[(i + 1) % 3] - moments[(i + 2) % 3]) / moments[i];
             self.a[i].0[at] = a;
@@ -107,6 +102,10 @@ impl Tile {
         for i in 0..4 {
             self.q[i].0[at] = q[i];
         }
+    }
+
+    /// Says how many steps the body in entry `at` makes next; one that makes none is held if this is said.
+    pub(super) fn take(&mut self, at: usize, steps: u64) {
         self.steps.0[at] = steps as f64;
         self.steps_range = (self.steps_range.0.min(steps), self.steps_range.1.max(steps));
     }

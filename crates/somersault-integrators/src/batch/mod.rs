@@ -50,6 +50,9 @@ use rayon::prelude::*;
 use somersault_core::cancel::CancellationToken;
 use std::cmp::Reverse;
 
+/// Steps that the bodies of a tile make between two looks at a token: some hundredths of a second.
+const STEPS_PER_LOOK: u64 = 1 << 15;
+
 /// Why a batch cannot be integrated. Bodies count from 0.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -131,13 +134,15 @@ impl<'a> FreeRuns<'a> {
     /// Errors: slices of different lengths, states that are not finite at the start or at the end.
     pub fn from(self, states: &[RigidBodyState]) -> Result<Vec<RigidBodyState>, BatchError> {
         let mut ends = states.to_vec();
-        self.advance(&mut ends)?;
+        self.advance(&mut ends, &CancellationToken::new())?;
         Ok(ends)
     }
 
-    /// The same with the ends in the place of the states. Errors as [`from`](Self::from) has them; what the states are after one that
-    /// says that a body diverged is not specified.
-    pub fn advance(self, states: &mut [RigidBodyState]) -> Result<(), BatchError> {
+    /// The same with the ends in the place of the states, and soon ended where it is cancelled.
+    ///
+    /// Errors: as of [`from`](Self::from), and [`BatchError::Cancelled`]. What the states are after one of a body that diverged, or after
+    /// work that was cancelled, is not specified.
+    pub fn advance(self, states: &mut [RigidBodyState], token: &CancellationToken) -> Result<(), BatchError> {
         let Self { bodies, grids, .. } = self;
         check_length("states", bodies.len(), states.len())?;
         check_length("grids", bodies.len(), grids.len())?;
@@ -150,22 +155,30 @@ impl<'a> FreeRuns<'a> {
         let mut order: Vec<usize> = (0..bodies.len()).collect();
         order.sort_by_key(|&i| Reverse(grids[i].full_steps()));
         let diverged = if order.is_sorted() {
-            self.advance_in_order(&order, states)
+            self.advance_in_order(&order, states, token)
         } else {
             let mut moved: Vec<RigidBodyState> = order.iter().map(|&i| states[i]).collect();
-            let diverged = self.advance_in_order(&order, &mut moved);
+            let diverged = self.advance_in_order(&order, &mut moved, token);
             std::iter::zip(order, moved).for_each(|(i, x)| states[i] = x);
             diverged
         };
+        if token.is_cancelled() {
+            return Err(BatchError::Cancelled);
+        }
         diverged.map_or(Ok(()), |body| Err(BatchError::Diverged { body }))
     }
 
     /// Moves the bodies in an order, whose states these are; gives the first, by its own number, whose state is not finite then.
-    fn advance_in_order(&self, order: &[usize], states: &mut [RigidBodyState]) -> Option<usize> {
+    fn advance_in_order(
+        &self,
+        order: &[usize],
+        states: &mut [RigidBodyState],
+        token: &CancellationToken,
+    ) -> Option<usize> {
         let instructions = InstructionSet::detect();
         let tiles = states.par_chunks_mut(TILE).zip(order.par_chunks(TILE));
         let advance = |tile: &mut Tile, (states, order): (&mut [_], &[_])| {
-            self.advance_tile(instructions, tile, order, states)
+            self.advance_tile(instructions, tile, order, states, token)
         };
         tiles.map_init(Tile::new, advance).flatten().min()
     }
@@ -177,6 +190,7 @@ impl<'a> FreeRuns<'a> {
         tile: &mut Tile,
         order: &[usize],
         states: &mut [RigidBodyState],
+        token: &CancellationToken,
     ) -> Option<usize> {
         let Self { bodies, grids, gravity } = self;
         let mut turning = [Turning::default(); TILE];
@@ -186,11 +200,10 @@ impl<'a> FreeRuns<'a> {
         }
         let turning = &mut turning[..order.len()];
         let moments = |at: usize| bodies[order[at]].inertia().principal_moments();
-        turn(instructions, tile, turning, |at| {
-            (moments(at), grids[order[at]].dt(), grids[order[at]].full_steps())
-        });
+        let whole = |at: usize| (moments(at), grids[order[at]].dt(), grids[order[at]].full_steps());
+        turn(instructions, tile, turning, whole, token);
         let rest = |grid: &TimeGrid| grid.time(grid.steps()) - grid.time(grid.full_steps());
-        turn(instructions, tile, turning, |at| (moments(at), rest(&grids[order[at]]), 1));
+        turn(instructions, tile, turning, |at| (moments(at), rest(&grids[order[at]]), 1), token);
 
         let mut diverged = None;
         for ((x, turning), &i) in states.iter_mut().zip(turning).zip(order) {
@@ -225,31 +238,37 @@ impl Turning {
 }
 
 /// The steps of at most [`TILE`] bodies, by the principal moments, the size and the number of steps of each. A body without steps, or
-/// with steps of no size, stays as it is to the last bit.
+/// with steps of no size, stays as it is to the last bit. Where the token is cancelled some of the steps are not made.
 fn turn<'m>(
     instructions: InstructionSet,
     tile: &mut Tile,
     bodies: &mut [Turning],
     of: impl Fn(usize) -> (&'m Vector3<f64>, f64, u64),
+    token: &CancellationToken,
 ) {
-    tile.hold_all();
+    let mut left = [0; TILE];
     for (at, Turning { q, omega }) in bodies.iter().enumerate() {
         let (moments, dt, steps) = of(at);
         if moves(dt, steps) {
-            tile.set(at, (*moments).into(), [q.w, q.i, q.j, q.k], (omega * (0.5 * dt)).into(), steps);
+            tile.set(at, (*moments).into(), [q.w, q.i, q.j, q.k], (omega * (0.5 * dt)).into());
+            left[at] = steps;
         }
     }
-    if !tile.moves() {
-        return;
-    }
-    instructions.run(&mut *tile);
-    for (at, body) in bodies.iter_mut().enumerate() {
-        let (_, dt, steps) = of(at);
-        if moves(dt, steps) {
-            let ([w, x, y, z], half_angle) = tile.get(at);
-            body.q = UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z));
-            body.omega = half_angle.map(|x| x / (0.5 * dt)).into();
+    let moving = left.map(|steps| steps > 0);
+    while left.iter().any(|steps| *steps > 0) && !token.is_cancelled() {
+        tile.clear();
+        for at in (0..TILE).filter(|at| moving[*at]) {
+            let next = left[at].min(STEPS_PER_LOOK);
+            tile.take(at, next);
+            left[at] -= next;
         }
+        instructions.run(&mut *tile);
+    }
+    for (at, body) in bodies.iter_mut().enumerate().filter(|(at, _)| moving[*at]) {
+        let (_, dt, _) = of(at);
+        let ([w, x, y, z], half_angle) = tile.get(at);
+        body.q = UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z));
+        body.omega = half_angle.map(|x| x / (0.5 * dt)).into();
     }
 }
 
@@ -442,12 +461,11 @@ impl FreeBodyBatch {
         moving.sort_by_key(|&i| Reverse(steps[i]));
         let of = |i: usize| Turning { q: self.orientations[i], omega: self.angular_velocities_body[i] };
         let mut moved: Vec<Turning> = moving.iter().map(|&i| of(i)).collect();
-        let tiles = moved.par_chunks_mut(TILE).zip(moving.par_chunks(TILE));
+        let (tiles, token) =
+            (moved.par_chunks_mut(TILE).zip(moving.par_chunks(TILE)), CancellationToken::new());
         tiles.for_each_init(Tile::new, |tile, (moved, bodies)| {
-            turn(instructions, tile, moved, |at| {
-                let i = bodies[at];
-                (&self.principal_moments[i], dt[i], steps[i])
-            });
+            let of = |at: usize| (&self.principal_moments[bodies[at]], dt[bodies[at]], steps[bodies[at]]);
+            turn(instructions, tile, moved, of, &token);
         });
 
         let diverged = moving.iter().zip(&moved).filter(|(_, moved)| !moved.is_finite());

@@ -7,7 +7,7 @@ use crate::core::convert::{
 };
 use crate::core::error::Error;
 use crate::core::memory::expect_room;
-use crate::core::waiting::{cancel_on_signal, together};
+use crate::core::waiting::cancel_on_signal;
 use crate::integrators::bodies::{RigidBody, State};
 use crate::integrators::forces::models::Reader;
 use crate::integrators::methods;
@@ -24,9 +24,6 @@ use somersault::integrators::nalgebra::Vector3;
 use somersault::integrators::solution::check_times;
 use somersault::integrators::state::{Pose, RigidBodyState};
 use somersault::integrators::system::{RigidBodySystem, RigidSystem};
-
-/// How many steps lie between two looks at signals: a fraction of a second.
-const STEPS_PER_LOOK: u64 = 20_000_000;
 
 /// Motion of many rigid bodies that do not interact, in parallel.
 ///
@@ -53,7 +50,7 @@ const STEPS_PER_LOOK: u64 = 20_000_000;
 /// gravity : array_like, shape (3,), optional
 ///     Acceleration, m/s², of all bodies, beside `forces`; none unless given.
 /// t_eval : array_like, shape (n,), optional
-///     Times of the states to record, s, within the interval and in its direction, each once; its start and its end unless given. Of
+///     Times of the states to record, s, within the interval, each after the one before; its start and its end unless given. Of
 ///     free bodies with fixed steps of ``"rkmk_b"`` the steps start again at each of them, and the step before it is shorter where `dt` does
 ///     not divide the time between two; those of others do not depend on them.
 /// rtol, atol : float, optional
@@ -78,8 +75,7 @@ const STEPS_PER_LOOK: u64 = 20_000_000;
 ///
 /// Notes
 /// -----
-/// Other Python threads run meanwhile. Ctrl-C is looked for while the bodies move; where they move eight at a time, between groups that
-/// make 20 million steps together, but of no fewer than 64 bodies a core.
+/// Other Python threads run meanwhile, and Ctrl-C is looked for.
 ///
 /// Examples
 /// --------
@@ -119,11 +115,11 @@ pub(crate) fn integrate_batch(
 ) -> Result<Trajectory, Error> {
     let wrong = |found| Error::input(format!("`states` must be a sequence of State, found {found}"));
     let list = sequence(states).ok_or_else(|| wrong(a_type(states)))?;
+    let times = recorded(interval, t_eval, list.len()?)?;
     let bodies = match bodies.extract::<RigidBody>() {
         Ok(RigidBody(body)) => vec![body; list.len()?],
         Err(_) => Cast::extract("bodies", bodies)?.bodies,
     };
-    let times = recorded(interval, t_eval, bodies.len())?;
     let mut states: Vec<RigidBodyState> = Vec::with_capacity(bodies.len());
     for entry in list.try_iter()? {
         let entry = entry?;
@@ -177,7 +173,7 @@ pub(crate) fn integrate_batch(
 ///
 /// Notes
 /// -----
-/// Other Python threads run meanwhile. Ctrl-C is looked for as `integrate_batch` does.
+/// Other Python threads run meanwhile, and Ctrl-C is looked for.
 ///
 /// Examples
 /// --------
@@ -268,7 +264,7 @@ impl Batch {
         let forces = asked.forces.filter(|forces| !forces.is_none());
         match (dt, forces) {
             (Some(dt), None) if method == Method::RkmkB => {
-                dt.first().map(|dt| steps_of(Some(*dt))).transpose()?;
+                dt.iter().try_for_each(|dt| steps_of(Some(*dt)).map(|_| ()))?;
                 self.in_lanes(py, &dt)
             }
             (dt, forces) => {
@@ -293,7 +289,9 @@ impl Batch {
             if t != now {
                 let grid = |dt: &f64| TimeGrid::try_new(now, t, *dt);
                 let grids = dt.iter().map(grid).collect::<Result<Vec<_>, _>>()?;
-                advance(py, &bodies, &grids, &gravity, &mut kept[k * n..])?;
+                let runs = FreeRuns::new(&bodies, &grids).in_gravity(&gravity);
+                let states = &mut kept[k * n..];
+                cancel_on_signal(py, |token| runs.advance(states, token))?;
                 now = t;
             }
         }
@@ -309,6 +307,9 @@ impl Batch {
         forces: Option<&Bound<'_, PyAny>>,
     ) -> Result<Trajectory, Error> {
         let Self { bodies, states, times, gravity, .. } = self;
+        // of each body by itself, with room to grow, and of all
+        let bytes = size_of::<RigidBodyState>().saturating_mul(times.len()).saturating_mul(bodies.len());
+        expect_room("the states at `t_eval`", bytes.saturating_mul(3))?;
         let failure = Failure::default();
         let mut reader = Reader { failure: failure.clone(), calls_python: false };
         let mut models = match forces {
@@ -397,48 +398,6 @@ fn recorded(
     let bytes = bodies.saturating_mul(states_of_a_body.saturating_add(of_a_body));
     expect_room("the states at `t_eval`", bytes)?;
     Ok(times)
-}
-
-/// Moves free bodies, each over its grid.
-fn advance(
-    py: Python<'_>,
-    bodies: &[body::RigidBody],
-    grids: &[TimeGrid],
-    gravity: &Gravity,
-    states: &mut [RigidBodyState],
-) -> Result<(), Error> {
-    let mut first = 0;
-    while first < bodies.len() {
-        let last = (first + chunk(&grids[first..])).min(bodies.len());
-        let runs = FreeRuns::new(&bodies[first..last], &grids[first..last]).in_gravity(gravity);
-        let moved = together(py, || runs.advance(&mut states[first..last]))?;
-        moved.map_err(|error| from(first, error))?;
-        py.check_signals()?;
-        first = last;
-    }
-    Ok(())
-}
-
-/// How many bodies to take at once: a fraction of a second's work, but enough for all cores.
-fn chunk(grids: &[TimeGrid]) -> usize {
-    let least = 64 * std::thread::available_parallelism().map_or(1, usize::from);
-    let mut steps = 0;
-    let within = grids.iter().take_while(|grid| {
-        steps += grid.steps();
-        steps <= STEPS_PER_LOOK
-    });
-    within.count().max(least)
-}
-
-/// An error of a part that begins with body `first`, with the body counted from the start of all.
-fn from(first: usize, error: BatchError) -> BatchError {
-    match error {
-        BatchError::Diverged { body } => BatchError::Diverged { body: first + body },
-        BatchError::NonFinite { argument, body, found } => {
-            BatchError::NonFinite { argument, body: first + body, found }
-        }
-        error => error,
-    }
 }
 
 /// Many rigid bodies at once.
