@@ -27,7 +27,7 @@ use somersault::integrators::system::{RigidBodySystem, RigidSystem};
 
 /// Motion of many rigid bodies that do not interact, in parallel.
 ///
-/// Bodies that are free or under uniform gravity, with fixed steps of ``"rkmk_b"``, move eight at a time in the vector registers of
+/// Bodies that are free or under uniform gravity, with fixed steps of ``"rkmk_b"``, move several at a time in the vector registers of
 /// each core, and their centre of mass moves exactly; the result does not depend, to the last bit, on the processor, the number of threads
 /// or which bodies go together. All others move one at a time on each core, as `integrate` moves them alone.
 ///
