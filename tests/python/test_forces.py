@@ -65,6 +65,7 @@ def everything(t: float, state: State) -> tuple[object, object]:
     turned = state.orientation.inv().apply(state.velocity) + state.orientation.as_matrix() @ state.position
     force = np.sin(t) * state.position + np.linalg.norm(state.velocity) * state.velocity + lever
     torque = np.cross(lever, state.velocity) - 0.3 * state.angular_velocity + against * state.quaternion[3]
+    turned = turned + state.orientation.inv().as_quat()[:3]
     return force + turned, torque + state.orientation.as_quat()[:3] + state.angular_velocity_body
 
 
