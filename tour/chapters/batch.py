@@ -79,7 +79,7 @@ def write(page: Page, measurements: Measurements) -> None:
     )
     rows = [(words(name), f"{rate:,.0f}", error_size(distance)) for name, rate, distance in forced]
     page.table(
-        (words(""), "steps a second", "difference from one alone"),
+        (words(""), "steps a second", "difference"),
         [
             *rows,
             (
@@ -89,7 +89,7 @@ def write(page: Page, measurements: Measurements) -> None:
             ),
         ],
         "A wind and a drag on the same boxes, traced and called, the latter on a thousandth of them."
-        " Differences are those of quaternions, and of positions of the pendulums, at the end.",
+        " Differences are those from one alone at the end, of quaternions and of the pendulums' positions.",
     )
 
 
