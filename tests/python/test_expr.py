@@ -202,6 +202,10 @@ REFUSED: dict[str, tuple[Callable[[Any], Any], str]] = {
     "assignment": (lambda x: np.zeros(2).__setitem__(0, x[0]), r"np\.array"),
     "in place": (lambda x: np.zeros(2).__iadd__(x), "write a = a"),
     "table": (lambda x: np.interp(x, [0.0, 1.0], [0.0, 2.0]), r"np\.interp cannot be traced"),
+    "norm of a matrix": (
+        lambda x: np.linalg.norm(np.outer(x, x), 1, axis=(0, 1)),
+        r"np\.linalg\.norm of symbols is that of vectors, or the Frobenius norm",
+    ),
     "spacing": (lambda x: np.spacing(x), r"np\.spacing cannot be traced"),
     "eigenvalues": (lambda x: np.linalg.eigvals(np.outer(x, x)), r"np\.linalg\.eigvals cannot be traced"),
     "complex": (lambda x: x * 1j, "real number"),

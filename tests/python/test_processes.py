@@ -205,6 +205,15 @@ def run_limited(program: str, bytes: int = 2 << 30) -> subprocess.CompletedProce
         ("arm.mass_matrix(np.broadcast_to(0.0, (10**9, 2)))", "`q` need more memory than there is"),
         ("somersault.exact.FreeBody(body, start)(np.broadcast_to(0.0, 10**9))", "`t` need more memory"),
         ("arm.mass_matrix(np.zeros((6 * 10**7, 2)))", "need 1.920 GB"),
+        (
+            "somersault.batch.integrate_batch("
+            "body, [start] * 1000, (0.0, 1.0), 0.5, method='rk4', t_eval=np.linspace(0, 1, 9000))",
+            "the states at `t_eval` need 2.808 GB",
+        ),
+        (
+            "somersault.batch.integrate_batch(body, [start] * 10**7, (0.0, 1.0), 0.1)",
+            "the states at `t_eval` need",
+        ),
     ],
 )
 def test_sizes_are_refused_before_memory_is_asked_for(call: str, message: str) -> None:
