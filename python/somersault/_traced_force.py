@@ -82,8 +82,8 @@ def traced(f: Callable[..., tuple[Any, Any]]) -> TracedForce:
     """A force model from a function of Python, which is called once.
 
     The function is called with symbols, and what it does to them is recorded, as `expr.Function` does. The
-    model is evaluated without the interpreter, in batches on all cores, and its derivatives, which
-    `contact.differentiate` takes, are exact.
+    model is evaluated without the interpreter, in batches on all cores, and its derivatives by the state and
+    the mass, which `contact.differentiate` takes, are exact.
 
     Parameters
     ----------
@@ -91,7 +91,8 @@ def traced(f: Callable[..., tuple[Any, Any]]) -> TracedForce:
         ``f(t, state)`` or ``f(t, state, body)``, which returns force, N, and torque about the centre
         of mass, N m, world frame, each of shape (3,), as a callable that `integrate` takes does. It may use
         NumPy, with `np.where` in the place of branches. Of ``state.orientation`` it may use `apply`, `inv`,
-        `as_matrix` and `as_quat`; of ``body`` the `mass` and the `inertia`.
+        `as_matrix` and `as_quat`; of ``body`` the `mass` and the `inertia`. A third argument with a default
+        is the body only where its name is that.
 
     Returns
     -------

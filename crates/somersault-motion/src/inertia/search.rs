@@ -267,11 +267,11 @@ impl Search<'_> {
         x.iter_mut().zip(start).for_each(|(x, start)| *x = start);
         x.fixed_rows_mut::<3>(8).copy_from(&rate);
         loop {
-            let within = |turned: &f64| *turned <= reach;
-            // the attitude in the middle is always within: the turns are counted from it
-            let first = self.turned.iter().position(within).unwrap_or(record.middle);
-            let last = self.turned.iter().rposition(within).unwrap_or(record.middle);
-            let part = first..last + 1;
+            let within = |turned: &&f64| **turned <= reach;
+            // turns grow to both sides of the attitude in the middle
+            let (before, from_middle) = self.turned.split_at(record.middle);
+            let first = record.middle - before.iter().rev().take_while(within).count();
+            let part = first..record.middle + from_middle.iter().take_while(within).count();
             if part.len() < super::LEAST_ATTITUDES {
                 reach *= GROWTH;
                 continue;

@@ -104,13 +104,14 @@ pub fn rollout(
     let steps = usize::try_from(grid.steps()).unwrap_or(usize::MAX);
     if !torques.values.is_empty() {
         let fits = |rows: usize, all: usize| rows == 1 || rows == all;
+        let numbers = |copies: usize, steps: usize| copies.saturating_mul(steps).saturating_mul(n);
         if !fits(torques.copies, copies) || !fits(torques.steps, steps) {
-            let expected = copies.saturating_mul(steps).saturating_mul(n);
+            let expected = numbers(copies, steps);
             return Err(
                 ArgumentError::Length { argument: "torques", expected, found: torques.values.len() }.into()
             );
         }
-        expect_length("torques", torques.values.len(), torques.copies * torques.steps * n)?;
+        expect_length("torques", torques.values.len(), numbers(torques.copies, torques.steps))?;
         expect_finite("torques", torques.values)?;
     }
 
