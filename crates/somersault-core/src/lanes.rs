@@ -257,6 +257,110 @@ impl InstructionSet {
     }
 }
 
+/// Arithmetic on four numbers that may change places, as the components of a vector or of a quaternion do.
+///
+/// An operation is one instruction where the processor has AVX2 with FMA, and four operations elsewhere. Both give the same bits.
+pub trait Quad: Copy {
+    /// The four numbers.
+    type Four: Copy;
+
+    /// `x` four times.
+    fn splat(self, x: f64) -> Self::Four;
+    /// The entries.
+    fn load(self, entries: &[f64; 4]) -> Self::Four;
+    /// Writes what [`load`](Self::load) reads.
+    fn store(self, a: Self::Four, entries: &mut [f64; 4]);
+    /// `a + b`
+    fn add(self, a: Self::Four, b: Self::Four) -> Self::Four;
+    /// `a - b`
+    fn sub(self, a: Self::Four, b: Self::Four) -> Self::Four;
+    /// `a b`
+    fn mul(self, a: Self::Four, b: Self::Four) -> Self::Four;
+    /// `a b + c`, rounded once.
+    fn mul_add(self, a: Self::Four, b: Self::Four, c: Self::Four) -> Self::Four;
+    /// The numbers at four [`places`].
+    fn permute<const PLACES: i32>(self, a: Self::Four) -> Self::Four;
+}
+
+/// Four places, from 0 to 3, for [`Quad::permute`]: two bits each, the first place in the lowest.
+pub const fn places(places: [i32; 4]) -> i32 {
+    places[0] | places[1] << 2 | places[2] << 4 | places[3] << 6
+}
+
+/// Work that can be done with any [`Quad`], by the rules for a [`Kernel`].
+pub trait QuadKernel {
+    /// What it leaves.
+    type Output;
+    /// Does the work.
+    fn run<Q: Quad>(self, quad: Q) -> Self::Output;
+}
+
+/// Runs a kernel compiled for the instructions that this processor has.
+///
+/// ```
+/// use somersault_core::lanes::{Quad, QuadKernel, places, run_on_quads};
+/// struct Turned([f64; 4]);
+/// impl QuadKernel for Turned {
+///     type Output = [f64; 4];
+///     #[inline(always)]
+///     fn run<Q: Quad>(mut self, quad: Q) -> [f64; 4] {
+///         let turned = quad.permute::<{ places([1, 2, 0, 3]) }>(quad.load(&self.0));
+///         quad.store(turned, &mut self.0);
+///         self.0
+///     }
+/// }
+/// assert_eq!(run_on_quads(Turned([1.0, 2.0, 3.0, 4.0])), [2.0, 3.0, 1.0, 4.0]);
+/// ```
+pub fn run_on_quads<K: QuadKernel>(kernel: K) -> K::Output {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(lanes) = Avx2::detect() {
+        // SAFETY: an `Avx2` exists only where `Avx2::detect` found AVX2 and FMA.
+        return unsafe { x86::run_quad_avx2(kernel, lanes) };
+    }
+    kernel.run(PortableQuad)
+}
+
+/// Four numbers, on any processor.
+#[derive(Clone, Copy, Debug)]
+struct PortableQuad;
+
+impl Quad for PortableQuad {
+    type Four = [f64; 4];
+
+    #[inline(always)]
+    fn splat(self, x: f64) -> [f64; 4] {
+        [x; 4]
+    }
+    #[inline(always)]
+    fn load(self, entries: &[f64; 4]) -> [f64; 4] {
+        *entries
+    }
+    #[inline(always)]
+    fn store(self, a: [f64; 4], entries: &mut [f64; 4]) {
+        *entries = a;
+    }
+    #[inline(always)]
+    fn add(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        core::array::from_fn(|i| a[i] + b[i])
+    }
+    #[inline(always)]
+    fn sub(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        core::array::from_fn(|i| a[i] - b[i])
+    }
+    #[inline(always)]
+    fn mul(self, a: [f64; 4], b: [f64; 4]) -> [f64; 4] {
+        core::array::from_fn(|i| a[i] * b[i])
+    }
+    #[inline(always)]
+    fn mul_add(self, a: [f64; 4], b: [f64; 4], c: [f64; 4]) -> [f64; 4] {
+        core::array::from_fn(|i| a[i].mul_add(b[i], c[i]))
+    }
+    #[inline(always)]
+    fn permute<const PLACES: i32>(self, a: [f64; 4]) -> [f64; 4] {
+        core::array::from_fn(|i| a[(PLACES >> (2 * i) & 3) as usize])
+    }
+}
+
 /// One lane, on any processor. Where the target has no fused multiply–add the standard library
 /// emulates it: slow, but rounded once as everywhere.
 #[derive(Clone, Copy, Debug)]
@@ -334,12 +438,18 @@ use x86::{Avx2, Avx512};
 
 #[cfg(target_arch = "x86_64")]
 mod x86 {
-    use super::{Kernel, Lanes};
+    use super::{Kernel, Lanes, Quad, QuadKernel};
     use core::arch::x86_64::*;
 
     /// Compiles a kernel for AVX2 with FMA, which the processor must have.
     #[target_feature(enable = "avx2,fma")]
     pub(super) fn run_avx2<K: Kernel>(kernel: K, lanes: Avx2) -> K::Output {
+        kernel.run(lanes)
+    }
+
+    /// The same for one that works on four numbers.
+    #[target_feature(enable = "avx2,fma")]
+    pub(super) fn run_quad_avx2<K: QuadKernel>(kernel: K, lanes: Avx2) -> K::Output {
         kernel.run(lanes)
     }
 
@@ -442,6 +552,44 @@ mod x86 {
         select |mask, a, b| _mm256_blendv_pd(b, a, mask)
     );
 
+    impl Quad for Avx2 {
+        type Four = __m256d;
+
+        #[inline(always)]
+        fn splat(self, x: f64) -> __m256d {
+            Lanes::splat(self, x)
+        }
+        #[inline(always)]
+        fn load(self, entries: &[f64; 4]) -> __m256d {
+            Lanes::load(self, entries)
+        }
+        #[inline(always)]
+        fn store(self, a: __m256d, entries: &mut [f64; 4]) {
+            Lanes::store(self, a, entries);
+        }
+        #[inline(always)]
+        fn add(self, a: __m256d, b: __m256d) -> __m256d {
+            Lanes::add(self, a, b)
+        }
+        #[inline(always)]
+        fn sub(self, a: __m256d, b: __m256d) -> __m256d {
+            Lanes::sub(self, a, b)
+        }
+        #[inline(always)]
+        fn mul(self, a: __m256d, b: __m256d) -> __m256d {
+            Lanes::mul(self, a, b)
+        }
+        #[inline(always)]
+        fn mul_add(self, a: __m256d, b: __m256d, c: __m256d) -> __m256d {
+            Lanes::mul_add(self, a, b, c)
+        }
+        #[inline(always)]
+        fn permute<const PLACES: i32>(self, a: __m256d) -> __m256d {
+            // SAFETY: `self` proves that the processor has the instruction.
+            unsafe { _mm256_permute4x64_pd::<PLACES>(a) }
+        }
+    }
+
     /// Eight lanes: the proof that the processor has AVX-512F.
     #[derive(Clone, Copy, Debug, PartialEq, Eq)]
     pub(super) struct Avx512(());
@@ -461,4 +609,38 @@ mod x86 {
         all |mask| mask == 0xff,
         select |mask, a, b| _mm512_mask_blend_pd(mask, b, a)
     );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A long sum of products with permutations and differences, whose rounding shows the order and kind of each operation.
+    struct Mixed([f64; 4]);
+
+    impl QuadKernel for Mixed {
+        type Output = [f64; 4];
+
+        #[inline(always)]
+        fn run<Q: Quad>(mut self, quad: Q) -> [f64; 4] {
+            let mut a = quad.load(&self.0);
+            let b = quad.splat(0.7);
+            for _ in 0..1000 {
+                let turned = quad.permute::<{ places([1, 2, 0, 3]) }>(a);
+                let back = quad.permute::<{ places([3, 2, 1, 0]) }>(quad.mul(a, turned));
+                a = quad.mul_add(b, turned, quad.sub(quad.mul(b, back), quad.mul(a, a)));
+                a = quad.add(a, quad.splat(0.1));
+            }
+            quad.store(a, &mut self.0);
+            self.0
+        }
+    }
+
+    #[test]
+    fn four_numbers_have_the_same_bits_on_every_processor() {
+        let start = [0.3, -0.2, 0.1, 0.25];
+        let portable = Mixed(start).run(PortableQuad);
+        assert_eq!(run_on_quads(Mixed(start)).map(f64::to_bits), portable.map(f64::to_bits));
+        assert!(portable.iter().all(|x| x.is_finite() && *x != 0.0));
+    }
 }
