@@ -103,6 +103,10 @@ pub struct Flight<'m, T: Scalar = f64> {
 #[derive(Debug, Clone)]
 pub struct FlightData<T: Scalar = f64> {
     nodes: Vec<Node<T>>,
+    /// Of the shape set last.
+    shape: Shape<T>,
+    /// The axis of each degree of freedom after the root's, in axes of the root.
+    columns: Vec<Motion<T>>,
     /// In tree coordinates.
     by_shape: Vec<Vector3<T>>,
     by_shape_velocity: Vec<Vector3<T>>,
@@ -122,14 +126,23 @@ struct Node<T> {
     momentum: Force<T>,
 }
 
-/// The motion of the root that the momentum leaves, seen from the centre of mass, in axes of the root.
-struct Reduced<T> {
-    /// Orientation of the root, its axes → world.
-    turn: Matrix3<T>,
+/// What a shape and its velocities are without the orientation of the root, in its axes.
+#[derive(Debug, Clone, Copy)]
+struct Shape<T> {
     /// Centre of mass from the origin of the root.
     center: Vector3<T>,
     /// I⁻¹; of the normal component alone where the root is planar.
     inverse_inertia: Matrix3<T>,
+    /// A ṡ, about the centre of mass.
+    angular: Vector3<T>,
+    /// The velocity that the joints give the centre of mass, the root at rest.
+    linear: Vector3<T>,
+}
+
+/// The motion of the root that the momentum leaves, seen from the centre of mass, in axes of the root.
+struct Reduced<T> {
+    /// Orientation of the root, its axes → world.
+    turn: Matrix3<T>,
     /// Rᵀ L.
     momentum: Vector3<T>,
     /// Of the root.
@@ -146,13 +159,16 @@ impl<T: Scalar> FlightData<T> {
             momentum: Force::zero(),
         };
         let n_root = model.velocities_of(0).len();
-        let shape = vec![Vector3::zeros(); model.directions.len() - n_root];
+        let n_shape = model.directions.len() - n_root;
+        let (zero, none) = (Vector3::zeros(), vec![Vector3::zeros(); n_shape]);
         let n_gathered = model.coupling.as_ref().map_or(0, |_| model.n_velocities() - n_root);
         let gathered = vec![Vector3::zeros(); n_gathered];
         Self {
             nodes: vec![node; model.n_bodies()],
-            by_shape: shape.clone(),
-            by_shape_velocity: shape,
+            shape: Shape { center: zero, inverse_inertia: Matrix3::zeros(), angular: zero, linear: zero },
+            columns: vec![Motion::zero(); n_shape],
+            by_shape: none.clone(),
+            by_shape_velocity: none,
             gathered: [gathered.clone(), gathered],
             room: Room::new(model),
         }
@@ -238,7 +254,13 @@ impl<'m, T: Scalar> Flight<'m, T> {
         q: &[T],
         v: &[T],
     ) -> Result<Vector3<T>, DynamicsError> {
-        Ok(self.reduce(data, q, v)?.velocity.angular)
+        self.set_shape(data, q, v)?;
+        Ok(self.angular_velocity_of_shape(data, q))
+    }
+
+    /// The same for the shape that was [set](Self::set_shape) last: of `q` only the orientation of the root is read.
+    pub fn angular_velocity_of_shape(&self, data: &FlightData<T>, q: &[T]) -> Vector3<T> {
+        self.reduce(&data.shape, q).velocity.angular
     }
 
     /// Writes the position of the root to `q` and its velocity to `v`, at time `t`.
@@ -254,7 +276,9 @@ impl<'m, T: Scalar> Flight<'m, T> {
         q: &mut [T],
         v: &mut [T],
     ) -> Result<(), DynamicsError> {
-        let Reduced { turn, center, velocity, .. } = self.reduce(data, q, v)?;
+        self.set_shape(data, q, v)?;
+        let Reduced { turn, velocity, .. } = self.reduce(&data.shape, q);
+        let center = data.shape.center;
         let origin = self.center_of_mass(t) - turn * center - self.placement.translation;
         let position = self.placement.rotation.tr_mul(&origin);
         let linear = turn.tr_mul(&self.center_of_mass_velocity(t)) + velocity.linear;
@@ -276,7 +300,11 @@ impl<'m, T: Scalar> Flight<'m, T> {
         if self.is_planar { 2..3 } else { 3..7 }
     }
 
-    fn reduce(&self, data: &mut FlightData<T>, q: &[T], v: &[T]) -> Result<Reduced<T>, DynamicsError> {
+    /// Evaluates all that does not depend on the orientation of the root, for any number of orientations: O(n), and most of the
+    /// work of an evaluation.
+    ///
+    /// Fails where the tree has no inertia about some axis.
+    pub fn set_shape(&self, data: &mut FlightData<T>, q: &[T], v: &[T]) -> Result<(), DynamicsError> {
         let model = self.model;
         expect_length("q", q.len(), model.n_positions())?;
         expect_length("v", v.len(), model.n_velocities())?;
@@ -293,12 +321,21 @@ impl<'m, T: Scalar> Flight<'m, T> {
         let about_center = inertia.rotational.full()
             - (Matrix3::from_diagonal_element(center.norm_squared()) - center * center.transpose())
                 * inertia.mass;
+        data.shape = Shape {
+            center,
+            inverse_inertia: self.invert(&about_center)?,
+            angular: of_shape.about(&center).angular,
+            linear: of_shape.linear / inertia.mass,
+        };
+        Ok(())
+    }
+
+    fn reduce(&self, shape: &Shape<T>, q: &[T]) -> Reduced<T> {
         let turn = self.placement.rotation * self.turn(q);
         let momentum = turn.tr_mul(&self.take_off.angular_momentum);
-        let inverse_inertia = self.invert(&about_center)?;
-        let angular = inverse_inertia * (momentum - of_shape.about(&center).angular);
-        let linear = center.cross(&angular) - of_shape.linear / inertia.mass;
-        Ok(Reduced { turn, center, inverse_inertia, momentum, velocity: Motion::new(linear, angular) })
+        let angular = shape.inverse_inertia * (momentum - shape.angular);
+        let linear = shape.center.cross(&angular) - shape.linear;
+        Reduced { turn, momentum, velocity: Motion::new(linear, angular) }
     }
 
     /// Writes an orientation of the root in its joint frame into a configuration; of a planar one the angle within a turn.

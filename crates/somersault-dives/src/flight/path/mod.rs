@@ -231,20 +231,29 @@ impl OrientationPath {
         let (by_channel, by_rate) = (&mut self.by_channel, &mut self.by_rate);
         let (by_momentum, coefficients) = (&mut self.by_momentum, &self.coefficients);
         let h = 1.0 / self.n_steps as f64;
+        // The shape of the two stages in the middle is one, and that at the end of a step mostly that at the start of the next.
+        let mut shape = None;
         for step in 0..self.n_steps {
             let (first, samples) = (self.first[step], &self.basis[step * SAMPLES..][..SAMPLES]);
             let mut evaluate =
                 |stage: usize, q: &mut [f64], v: &mut [f64]| -> Result<StageRate, DynamicsError> {
-                    let [values, slopes] = &samples[SAMPLE_OF[stage]];
-                    combine(coefficients, n, first, &values[..n_active], channel);
-                    combine(coefficients, n, first, &slopes[..n_active], rate);
-                    base.positions_into(channel, &mut q[q_root..]);
-                    base.rates_into(rate, &mut v[n_root..]);
+                    let sample @ [values, slopes] = &samples[SAMPLE_OF[stage]];
+                    if shape != Some((first, *sample)) {
+                        combine(coefficients, n, first, &values[..n_active], channel);
+                        combine(coefficients, n, first, &slopes[..n_active], rate);
+                        base.positions_into(channel, &mut q[q_root..]);
+                        base.rates_into(rate, &mut v[n_root..]);
+                        flight.set_shape(data, q, v)?;
+                        if with_derivatives {
+                            flight.set_directions(data);
+                        }
+                        shape = Some((first, *sample));
+                    }
                     if !with_derivatives {
-                        let angular_velocity = flight.angular_velocity(data, q, v)?;
+                        let angular_velocity = flight.angular_velocity_of_shape(data, q);
                         return Ok(StageRate { angular_velocity, by_orientation: Matrix3::zeros() });
                     }
-                    let found = flight.derivatives(data, q, v)?;
+                    let found = flight.derivatives_of_shape(data, q);
                     let at = step * STAGES + stage;
                     by_momentum[at] = found.by_angular_momentum;
                     for (k, direction) in base.directions().column_iter().enumerate() {
