@@ -340,13 +340,13 @@ class Measurements:
 
     @cached_property
     def stated_with_torque(self) -> dict[str, int]:
-        """The order that each method states for forces and torques that depend on velocities."""
+        """The order that each method for forces of any kind states for those that depend on velocities."""
         return {
             info.name: min(
                 info.orders["translation_with_velocity"] or 0, info.orders["rotation_with_torque"] or 0
             )
             for info in self.methods
-            if info.scope != "torque-free"
+            if info.scope in ("any system", "rigid bodies")
         }
 
     @cached_property

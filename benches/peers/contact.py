@@ -261,6 +261,7 @@ def contenders() -> list[Contender]:
             RUNS,
         )
         for method, stepping in (
+            ("taylor16", "adaptive"),
             ("rkmk8_b", "adaptive"),
             ("rkmk5_b", "adaptive"),
             ("rkmk8_b", "fixed"),

@@ -6,6 +6,7 @@ both, which add up. Forces in N and torques about the centre of mass in N m, wor
 
 from somersault._somersault.forces import (
     AerodynamicDrag,
+    CentralGravity,
     ControlMomentGyros,
     Drag,
     Force,
@@ -17,6 +18,7 @@ from somersault._somersault.forces import (
     Orbit,
     Plate,
     ReactionWheels,
+    ScheduledTorque,
     SolarPressure,
     Spring,
     Torque,
@@ -26,6 +28,7 @@ from somersault._traced_force import traced
 
 __all__ = [
     "AerodynamicDrag",
+    "CentralGravity",
     "ControlMomentGyros",
     "Drag",
     "Force",
@@ -37,6 +40,7 @@ __all__ = [
     "Orbit",
     "Plate",
     "ReactionWheels",
+    "ScheduledTorque",
     "SolarPressure",
     "Spring",
     "Torque",

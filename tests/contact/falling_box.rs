@@ -21,7 +21,7 @@ use somersault_integrators::methods::{
 };
 use somersault_integrators::run::Run;
 use somersault_integrators::state::{Pose, RigidBodyState, State};
-use somersault_integrators::stepper::{Scope, Stepper};
+use somersault_integrators::stepper::Stepper;
 use somersault_testkit::order::slope;
 use somersault_testkit::planar_box::PlanarBox;
 use somersault_testkit::trees::Random;
@@ -120,7 +120,7 @@ fn every_method_that_takes_torque_has_at_least_its_order_on_the_box_dropped_on_a
             .filter(|found| kinds(found) == kinds(&exact))
             .map_or(f64::NAN, |found| distance(&found.state, &exact.state))
     };
-    for method in Method::ALL.into_iter().filter(|m| m.info().scope != Scope::TorqueFree) {
+    for method in Method::ALL.into_iter().filter(|m| m.info().takes_any_forces()) {
         let orders = method.info().orders;
         let order = orders.translation_with_velocity.min(orders.rotation_with_torque.unwrap_or(0));
         let (sizes, floor) = match order {

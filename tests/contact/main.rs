@@ -16,6 +16,7 @@ mod sensitivity_friction;
 mod shots;
 mod stiff;
 mod surfaces;
+mod taylor;
 mod user_laws;
 
 use somersault_testkit::allocations::Counting;

@@ -128,6 +128,19 @@ def test_methods_without_torque() -> None:
             run(method=method, forces=forces.Gravity())
 
 
+def test_methods_for_forces_with_series() -> None:
+    series = [method for method in somersault.methods() if method.scope == "forces with series"]
+    assert [method.name for method in series] == ["taylor16"]
+    without = (
+        lambda t, state: ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+        forces.traced(lambda t, state: ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))),
+        [forces.Gravity(), forces.ReactionWheels([(0.0, 0.0, 1.0)], 0.0, 1.0)],
+    )
+    for acting in without:
+        message = "method `taylor16` needs forces whose Taylor series are known: uniform gravity"
+        raises(errors.InputError, message, lambda f=acting: run(method="taylor16", forces=f))  # type: ignore[misc]
+
+
 def test_methods_without_an_error_estimate_need_a_step() -> None:
     raises(errors.InputError, "method `ab2` has no error estimate", lambda: run(method="ab2", dt=None))
 
@@ -196,7 +209,9 @@ class Trouble(Exception):
     """What a callable raises."""
 
 
-@pytest.mark.parametrize("method", [m.name for m in somersault.methods() if m.scope != "torque-free"])
+@pytest.mark.parametrize(
+    "method", [m.name for m in somersault.methods() if m.scope in ("any system", "rigid bodies")]
+)
 def test_what_a_force_raises_comes_out(method: str) -> None:
     def force(t: float, state: State) -> tuple[tuple[float, ...], tuple[float, ...]]:
         if t > 0.5:

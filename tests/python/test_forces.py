@@ -1,6 +1,7 @@
 """Force models give the wrenches of their formulas."""
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 import somersault
@@ -39,6 +40,71 @@ def test_torque(body: RigidBody, state: State) -> None:
     check(forces.Torque((1, 2, 3)), body, state, np.zeros(3), (1, 2, 3))
     turned = state.orientation.apply((1, 2, 3))
     check(forces.Torque((1, 2, 3), frame="body"), body, state, np.zeros(3), turned)
+
+
+def test_central_gravity(body: RigidBody, state: State) -> None:
+    way = state.position - (1, 2, 3)
+    force = -5.0 * body.mass * way / np.linalg.norm(way) ** 3
+    check(forces.CentralGravity(5.0, (1, 2, 3)), body, state, force, np.zeros(3))
+    # Kepler's ellipse, of which Orbit has the closed form
+    orbit = forces.Orbit(2.0, 0.3, 0.4, 0.5, 0.6, 0.7, gravitational_parameter=5.0)
+    start = State(orbit.position(0.0), velocity=orbit.velocity(0.0))
+    for method, off in (("taylor16", 1e-11), ("rkmk8", 1e-10)):
+        motion = somersault.integrate(
+            body, start, (0.0, 9.0), method=method, rtol=1e-13, atol=1e-13, forces=forces.CentralGravity(5.0)
+        )
+        np.testing.assert_allclose(motion.position[-1], orbit.position(9.0), atol=off)
+
+
+def test_scheduled_torque(body: RigidBody, state: State) -> None:
+    times, torques = [0.0, 1.0, 3.0], [(0, 0, 0), (1, 2, 3), (-1, 0, 1)]
+    model = forces.ScheduledTorque(times, torques)
+    for t in (-1.0, 0.0, 0.3, 1.0, 2.5, 3.0, 9.0):
+        expected = [np.interp(t, times, column) for column in np.transpose(torques)]
+        np.testing.assert_allclose(model.wrench(t, body, state)[1], expected, atol=1e-14)
+        of_body = forces.ScheduledTorque(times, torques, frame="body").wrench(t, body, state)[1]
+        np.testing.assert_allclose(of_body, state.orientation.apply(expected), atol=1e-14)
+    for wrong, message in (
+        (lambda: forces.ScheduledTorque([0.0, 0.0], [(0, 0, 0)] * 2), "`times` must be increasing"),
+        (lambda: forces.ScheduledTorque([0.0], [(0, 0)]), r"`torques` must be real numbers of shape \(1, 3\), found shape \(1, 2\)"),
+        (lambda: forces.ScheduledTorque([], np.zeros((0, 3))), "`times` must"),
+        (lambda: forces.ScheduledTorque([0.0], [(0, 0, np.inf)]), "`torques` must be finite"),
+        (lambda: forces.ScheduledTorque([0.0], [(0, 0, 1)], frame="x"), "`frame` must be 'world' or 'body'"),  # type: ignore[arg-type]
+        (lambda: forces.CentralGravity(np.nan), "`gravitational_parameter` must be finite"),
+    ):
+        with pytest.raises(somersault.InputError, match=message):
+            wrong()
+
+
+@pytest.mark.parametrize(
+    "model",
+    [forces.CentralGravity(5.0, (1, 2, 3)), forces.ScheduledTorque([0.0, 1.0], np.eye(3)[:2], "body")],
+)
+def test_derivatives_under_the_models_are_differences(
+    model: forces.ForceModel, body: RigidBody, state: State
+) -> None:
+    # on the other side of a floor that is not reached
+    far = contact.Contact(
+        (0, 0, 0), contact.HalfSpace((0, 0, -1e3), (0, 0, 1)), contact.CompliantLaw(1.0, 0.0)
+    )
+
+    def run(start: State) -> contact.Sensitivities:
+        return contact.differentiate(
+            body, start, (0.0, 1.0), dt=0.05, contacts=far, method="rkmk", forces=model
+        )
+
+    found = run(state)
+
+    def end(step: float, column: int) -> npt.NDArray[np.float64]:
+        position = state.position + step * np.eye(3)[column]
+        moved = State(position, state.orientation, state.velocity, state.angular_velocity)
+        after = run(moved).state
+        return np.concatenate([after.position, after.velocity])
+
+    for column in range(3):
+        difference = (end(1e-5, column) - end(-1e-5, column)) / 2e-5
+        exact = np.concatenate([found.by_state[:3, column], found.by_state[6:9, column]])
+        np.testing.assert_allclose(exact, difference, atol=1e-8)
 
 
 def test_force(body: RigidBody, state: State) -> None:

@@ -297,6 +297,8 @@ MADE: dict[str, Callable[[], Any]] = {
     "Spring": lambda: forces.Spring(
         1 / 3, (0.1, 0.2, 0.3), (0.4, 0.5, 0.6), damping=1 / 7, rest_length=2 / 3
     ),
+    "CentralGravity": lambda: forces.CentralGravity(1 / 3, (1 / 7, 0.0, 2 / 3)),
+    "ScheduledTorque": lambda: forces.ScheduledTorque(np.arange(50) / 7, np.ones((50, 3)) / 3),
     "Torque": lambda: forces.Torque((1 / 3, 2 / 3, 1 / 7), frame="body"),
     "TracedForce": lambda: forces.traced(lambda t, state: (-t * state.position, state.velocity)),
     # contact

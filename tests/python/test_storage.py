@@ -79,6 +79,8 @@ def test_what_acts_on_bodies_can_be_saved(tmp_path: Path) -> None:
         forces.Spring(3.0, (1.0, 2.0, 3.0), (0.1, 0.2, 0.3), damping=0.2, rest_length=0.7),
         forces.Drag(0.1, 0.2, 0.3),
         forces.Torque((1.0, 2.0, 3.0), "body"),
+        forces.ScheduledTorque([0.0, 1.5], [(1.0, 2.0, 3.0), (0.0, 0.1, 0.2)], "body"),
+        forces.CentralGravity(2.0, (1.0, 2.0, 3.0)),
         forces.Force((1.0, 2.0, 3.0), (0.1, 0.2, 0.3)),
         forces.Gravitation(2.0),
         orbit,

@@ -9,6 +9,7 @@ mod exact;
 mod implicit;
 mod moser_veselov;
 mod orders;
+mod taylor;
 mod thesis_tables;
 mod watch;
 

@@ -8,7 +8,6 @@ use somersault_integrators::driver::TimeGrid;
 use somersault_integrators::events::Location;
 use somersault_integrators::methods::{Method, Options};
 use somersault_integrators::run::Run;
-use somersault_integrators::stepper::Scope;
 use somersault_integrators::studies::silent;
 
 /// Step sizes at which the order shows, and how many to average over: fine ones where the first order is
@@ -50,7 +49,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         "| method | steps | position | orientation | velocity | angular velocity | 1e-2 | 1e-3 | 1e-4 | 1e-5 | 1e-6 | stands |"
     );
     println!("|---|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|");
-    for method in Method::ALL.into_iter().filter(|m| m.info().scope != Scope::TorqueFree) {
+    for method in Method::ALL.into_iter().filter(|m| m.info().takes_any_forces()) {
         for (stepping, name) in [(Stepping::Located, "located"), (Stepping::Straddling, "straddling")] {
             let (dts, sizes) = sampling(method, stepping);
             let orders = convergence(&early, method, options, stepping, &dts, sizes, &mut silent)?.orders;

@@ -17,6 +17,7 @@ use somersault_integrators::driver::IntegrateError;
 use somersault_integrators::events::{Energy, Guard, Hybrid, HybridBodies, Sweep};
 use somersault_integrators::force::{ForceModel, Wrench};
 use somersault_integrators::partials::Partials;
+use somersault_integrators::series::WrenchTerm;
 use somersault_integrators::state::{Pose, RigidBodyState, State, Twist};
 use somersault_integrators::system::{
     BodyPoses, BodyRate, CountMismatch, Fault, Interaction, RigidBodiesSystem, RigidForms, RigidSystem,
@@ -454,6 +455,9 @@ impl Interaction for BodyContacts {
         let effort = |_, law: &ContactLaw, at: &Encounter| law.effort_in(&law.mode(at, &none), at, &none);
         self.add_wrenches_by(effort, bodies, moving(x), out);
     }
+    fn is_none(&self) -> bool {
+        self.is_empty()
+    }
     fn bodies(&self) -> Option<usize> {
         Some(self.bodies)
     }
@@ -532,6 +536,9 @@ impl<F: ForceModel> RigidSystem for BodiesInContact<F> {
         out: &mut BodyRate<Self>,
     ) {
         self.0.body_wrenches(t, x, world, out);
+    }
+    fn add_terms(&self, i: usize, terms: &mut Vec<WrenchTerm>) -> bool {
+        self.0.add_terms(i, terms)
     }
     fn is_free(&self) -> bool {
         self.0.is_free()
@@ -702,5 +709,14 @@ impl<F: ForceModel> HybridBodies for BodiesInContact<F> {
         let effort =
             |i: usize, law: &ContactLaw, at: &Encounter| law.effort_in(&mode[i], at, &Vector3::zeros());
         self.wrenches_by(t, (&x.configuration, &x.rate), effort, out);
+    }
+
+    /// Of contacts with surfaces, where no pair may touch.
+    fn add_terms_in(&self, mode: &Vec<ContactMode>, i: usize, terms: &mut Vec<WrenchTerm>) -> bool {
+        let contacts = self.interaction();
+        let mut of_body = contacts.on_surfaces.iter().zip(mode).filter(|((body, _), _)| *body == i);
+        contacts.pairs.is_empty()
+            && self.forces()[i].add_terms(&self.bodies()[i], terms)
+            && of_body.all(|((_, contact), mode)| contact.add_terms(mode, terms))
     }
 }

@@ -19,6 +19,7 @@ use somersault_integrators::driver::IntegrateError;
 use somersault_integrators::events::{Energy, Guard, Hybrid, HybridBodies, Sweep};
 use somersault_integrators::force::{ForceModel, Wrench};
 use somersault_integrators::partials::Partials;
+use somersault_integrators::series::WrenchTerm;
 use somersault_integrators::state::{InBody, Pose, RigidBodyState, State, Twist};
 use somersault_integrators::system::{
     Decoder, Fault, FromBody, RigidBodySystem, RigidForms, RigidSystem, System, WorldScratch, euler,
@@ -132,6 +133,27 @@ impl Contact {
     /// The laws.
     pub fn law(&self) -> &ContactLaw {
         &self.law
+    }
+
+    /// Adds the wrench frozen in a mode as a term: of a point or a ball on a plane under a spring and a damper. False for all others.
+    pub(crate) fn add_terms(&self, mode: &ContactMode, terms: &mut Vec<WrenchTerm>) -> bool {
+        let (Some(plane), Some(law)) = (&self.plane, self.law.only_compliant()) else { return false };
+        let (point, radius) = match self.shape {
+            Shape::Point(point) => (point, 0.0),
+            // the force on a ball acts through its centre
+            Shape::Ball { centre, radius } => (centre, radius),
+            Shape::Rim { .. } | Shape::Capsule { .. } | Shape::Box { .. } => return false,
+        };
+        if !mode.is_open() {
+            terms.push(WrenchTerm::Support {
+                normal: *plane.normal(),
+                offset: plane.offset() + radius,
+                point,
+                stiffness: law.stiffness(),
+                damping: law.damping(),
+            });
+        }
+        true
     }
 
     #[inline(always)]
@@ -505,6 +527,9 @@ impl<F: ForceModel> RigidSystem for BodyInContact<F> {
     ) {
         self.0.body_wrenches(t, x, world, out);
     }
+    fn add_terms(&self, i: usize, terms: &mut Vec<WrenchTerm>) -> bool {
+        self.0.add_terms(i, terms)
+    }
     #[inline(always)]
     fn is_free(&self) -> bool {
         self.0.is_free()
@@ -703,5 +728,11 @@ impl<F: ForceModel> HybridBodies for BodyInContact<F> {
         FromBody.decode(x, &mut world);
         let wrench = wrench_in(self, mode, t, Motion::in_body(&world, &x.rate.0.angular));
         *out = InBody(Twist { linear: wrench.force, angular: wrench.torque });
+    }
+
+    fn add_terms_in(&self, mode: &Vec<ContactMode>, _: usize, terms: &mut Vec<WrenchTerm>) -> bool {
+        let (smooth, contacts) = &self.forces;
+        let mut contacts = contacts.iter().zip(mode);
+        smooth.add_terms(&self.body, terms) && contacts.all(|(contact, mode)| contact.add_terms(mode, terms))
     }
 }

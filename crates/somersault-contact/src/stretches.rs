@@ -24,6 +24,7 @@ use somersault_integrators::driver::IntegrateError;
 use somersault_integrators::events::{Energy, Guard, Hybrid, HybridBodies, Sweep};
 use somersault_integrators::force::Wrench;
 use somersault_integrators::partials::Partials;
+use somersault_integrators::series::WrenchTerm;
 use somersault_integrators::state::{Poses, State};
 use somersault_integrators::system::{
     Fault, RateOf, RigidForms, RigidSystem, StateOf, System, world_acceleration,
@@ -317,5 +318,9 @@ impl<S: Touching> HybridBodies for WithStretches<S> {
     #[inline]
     fn wrenches_in(&self, mode: &Vec<ContactMode>, t: f64, x: &StateOf<Self>, out: &mut RateOf<Self>) {
         self.wrenches_at(mode, t, &x.configuration, &x.rate, out);
+    }
+
+    fn add_terms_in(&self, mode: &Vec<ContactMode>, i: usize, terms: &mut Vec<WrenchTerm>) -> bool {
+        self.0.add_terms_in(mode, i, terms)
     }
 }

@@ -3,6 +3,7 @@
 use crate::body::RigidBody;
 use crate::force::{ForceModel, Reach, Wrench, WrenchBound};
 use crate::partials::Partials;
+use crate::series::WrenchTerm;
 use crate::state::{RigidBodyState, State, Twist};
 use crate::system::{
     BodyPoses, BodyRate, Fault, RateOf, RigidForms, RigidSystem, StateOf, System, WorldScratch,
@@ -92,6 +93,10 @@ impl<S: RigidSystem> RigidSystem for Counted<S> {
         self.count();
         self.inner.body_wrenches(t, x, world, out);
     }
+    fn add_terms(&self, i: usize, terms: &mut Vec<WrenchTerm>) -> bool {
+        self.count();
+        self.inner.add_terms(i, terms)
+    }
     fn is_free(&self) -> bool {
         false
     }
@@ -135,5 +140,9 @@ impl<F: ForceModel> ForceModel for Counted<F> {
     }
     fn potential(&self, body: &RigidBody, x: &RigidBodyState) -> Option<f64> {
         self.inner.potential(body, x)
+    }
+    fn add_terms(&self, body: &RigidBody, terms: &mut Vec<WrenchTerm>) -> bool {
+        self.count();
+        self.inner.add_terms(body, terms)
     }
 }

@@ -94,10 +94,12 @@ pub trait Interpolant<Q: Configuration>: Send + Sync {
     fn evaluate(&self, t: f64, out: &mut State<Q>);
 }
 
-/// A segment in the variables of a form, read as states of the bodies.
+/// A curve in the variables of a form, read as states of the bodies.
 pub struct Decoded<B: Configuration, D> {
     /// The curve in the variables of the form.
-    pub segment: Segment<B>,
+    pub curve: Box<dyn Interpolant<B>>,
+    /// A state of the size of those of the form.
+    pub pattern: State<B>,
     /// The way back.
     pub decoder: D,
 }
@@ -109,8 +111,8 @@ where
     D: Decoder<B, Q>,
 {
     fn evaluate(&self, t: f64, out: &mut State<Q>) {
-        let mut x = self.segment.start.clone();
-        self.segment.evaluate(t, &mut x);
+        let mut x = self.pattern.clone();
+        self.curve.evaluate(t, &mut x);
         self.decoder.decode(&x, out);
     }
 }

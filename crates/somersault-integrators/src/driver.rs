@@ -329,6 +329,11 @@ pub(crate) fn run_adaptive<Q: Configuration>(
     let mut control = engine.control(settings, start, from)?;
     let mut t = start;
     while t < end {
+        if control.is_free()
+            && let Some(longest) = engine.longest_step(from, &settings.tolerances)?
+        {
+            control.choose(longest);
+        }
         let (h, t_after) = control.propose(t, end)?;
         let (error, unsolved) = judge(engine.attempt(t, h, from, to, &settings.tolerances))?;
         match control.accepts(t, h, error) {

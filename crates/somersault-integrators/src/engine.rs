@@ -8,7 +8,7 @@
 //! A call through the pointer takes one or two nanoseconds, which is less than moving the states between steps: they stay in
 //! their slots.
 
-use crate::dense::{Decoded, Interpolant, Segment};
+use crate::dense::{Decoded, Interpolant};
 use crate::error::IntegrateError;
 use crate::scratch::{Allocation, Storage};
 use crate::state::{Configuration, Rate, State, Tolerances};
@@ -97,6 +97,11 @@ pub trait Engine<Q: Configuration> {
         tolerances: &Tolerances,
     ) -> Result<f64, IntegrateError>;
 
+    /// The longest step of [`Track::RUN`] from a state that meets the tolerances, where the method knows it before the step is made.
+    fn longest_step(&mut self, _from: Slot, _tolerances: &Tolerances) -> Result<Option<f64>, IntegrateError> {
+        Ok(None)
+    }
+
     /// Takes back the step just attempted.
     fn reject(&mut self);
 
@@ -164,6 +169,7 @@ pub type Encode<'a, Q, B> = &'a dyn Fn(&State<Q>, &mut State<B>);
 struct Estimate<E> {
     #[allow(clippy::type_complexity)]
     attempt: fn(&mut E, f64, f64, Slot, Slot, &Tolerances) -> Result<f64, IntegrateError>,
+    longest_step: fn(&mut E, Slot, &Tolerances) -> Result<Option<f64>, StepError>,
     reject: fn(&mut E),
 }
 
@@ -211,8 +217,8 @@ where
         self.states.get_disjoint_mut([from.0, to.0]).map_err(wrong)
     }
 
-    fn decoded(&self, segment: Segment<B::Configuration>) -> Box<dyn Interpolant<Q>> {
-        Box::new(Decoded { segment, decoder: self.decoder.clone() })
+    fn decoded(&self, curve: Box<dyn Interpolant<B::Configuration>>) -> Box<dyn Interpolant<Q>> {
+        Box::new(Decoded { curve, pattern: self.pattern.clone(), decoder: self.decoder.clone() })
     }
 
     fn nudge(&self, t: f64, x: &State<Q>, dt: f64, out: &mut State<Q>) {
@@ -269,8 +275,12 @@ where
             after.configuration.renormalize();
             Ok(if after.is_finite() { error } else { f64::NAN })
         };
+        let longest_step = |engine: &mut Self, from: Slot, tolerances: &Tolerances| {
+            let (form, memory) = (engine.slots.form, &mut engine.memories[Track::RUN.0]);
+            engine.stepper.longest_step(form, &engine.slots.states[from.0], memory, tolerances)
+        };
         let reject = |engine: &mut Self| engine.stepper.reject(&mut engine.memories[Track::RUN.0]);
-        Self { estimate: Some(Estimate { attempt, reject }), ..self }
+        Self { estimate: Some(Estimate { attempt, longest_step, reject }), ..self }
     }
 }
 
@@ -407,6 +417,13 @@ where
         match &self.estimate {
             Some(Estimate { attempt, .. }) => attempt(self, t, h, from, to, tolerances),
             None => Err(IntegrateError::NoErrorEstimate { method: M::INFO.name }),
+        }
+    }
+
+    fn longest_step(&mut self, from: Slot, tolerances: &Tolerances) -> Result<Option<f64>, IntegrateError> {
+        match &self.estimate {
+            Some(Estimate { longest_step, .. }) => Ok(longest_step(self, from, tolerances)?),
+            None => Ok(None),
         }
     }
 

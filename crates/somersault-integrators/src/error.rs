@@ -111,10 +111,8 @@ impl IntegrateError {
 
     /// Whether a shorter step may help: the equation of an implicit one was not solved, or it is beyond what the method allows.
     pub(crate) fn is_of_the_step(&self) -> bool {
-        use StepError::{Angle, NotConverged, StepTooLarge, Torque};
         match self {
-            Self::Step(NotConverged { .. } | Angle { .. } | StepTooLarge { .. }) => true,
-            Self::Step(Torque { .. }) => false,
+            Self::Step(error) => !error.is_refusal(),
             Self::Argument(_)
             | Self::Interval { .. }
             | Self::TooManySteps { .. }

@@ -1,13 +1,18 @@
 //! Forces and torques on rigid bodies.
 
+mod central;
+mod scheduled;
 mod wrench;
 
+pub use central::CentralGravity;
+pub use scheduled::ScheduledTorque;
 pub use wrench::Wrench;
 
 use crate::body::RigidBody;
+use crate::series::WrenchTerm;
 use crate::state::{RigidBodyState, Twist};
 use crate::variation::{Tangent, central_difference};
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use std::ops::Add;
 
 /// States that a body may reach: in any orientation, and no farther, faster or more quickly turning than this.
@@ -77,6 +82,12 @@ pub trait ForceModel {
     /// the wrench may drive the body, or nothing is known.
     fn potential(&self, _body: &RigidBody, _x: &RigidBodyState) -> Option<f64> {
         self.is_free().then_some(0.0)
+    }
+
+    /// Adds terms whose sum is the wrench at all times and in all states, for methods that use its Taylor series, and returns true;
+    /// false, as by default, where no such terms are known.
+    fn add_terms(&self, _body: &RigidBody, _terms: &mut Vec<WrenchTerm>) -> bool {
+        self.is_free()
     }
 
     /// Derivative of the wrench along a tangent to the state.
@@ -177,6 +188,9 @@ impl<A: ForceModel, B: ForceModel> ForceModel for (A, B) {
     fn potential(&self, body: &RigidBody, x: &RigidBodyState) -> Option<f64> {
         Some(self.0.potential(body, x)? + self.1.potential(body, x)?)
     }
+    fn add_terms(&self, body: &RigidBody, terms: &mut Vec<WrenchTerm>) -> bool {
+        self.0.add_terms(body, terms) && self.1.add_terms(body, terms)
+    }
     #[inline]
     fn wrench_variation(
         &self,
@@ -216,6 +230,9 @@ impl ForceModel for BoxedForce {
     fn potential(&self, body: &RigidBody, x: &RigidBodyState) -> Option<f64> {
         (**self).potential(body, x)
     }
+    fn add_terms(&self, body: &RigidBody, terms: &mut Vec<WrenchTerm>) -> bool {
+        (**self).add_terms(body, terms)
+    }
     fn wrench_variation(
         &self,
         t: f64,
@@ -250,6 +267,9 @@ impl ForceModel for Vec<BoxedForce> {
     }
     fn potential(&self, body: &RigidBody, x: &RigidBodyState) -> Option<f64> {
         self.iter().map(|f| f.potential(body, x)).sum()
+    }
+    fn add_terms(&self, body: &RigidBody, terms: &mut Vec<WrenchTerm>) -> bool {
+        self.iter().all(|f| f.add_terms(body, terms))
     }
     fn wrench_variation(
         &self,
@@ -301,6 +321,10 @@ impl ForceModel for Gravity {
     #[inline]
     fn wrench_variation(&self, _: f64, _: &RigidBody, _: &RigidBodyState, _: &Tangent<Twist>) -> Wrench {
         Wrench::default()
+    }
+    fn add_terms(&self, body: &RigidBody, terms: &mut Vec<WrenchTerm>) -> bool {
+        terms.push(WrenchTerm::Force(self.acceleration * body.mass()));
+        true
     }
     #[inline]
     fn mass_derivative(&self, _: f64, _: &RigidBody, _: &RigidBodyState) -> Wrench {
@@ -378,6 +402,18 @@ impl ForceModel for Spring {
         }
         Wrench { force: force_change, torque: arm_change.cross(&force) + arm.cross(&force_change) }
     }
+    fn add_terms(&self, _: &RigidBody, terms: &mut Vec<WrenchTerm>) -> bool {
+        let Self { anchor: centre, attachment: point, stiffness, damping, rest_length } = *self;
+        let mut add = |strength: f64, power, is_damper| {
+            if strength != 0.0 {
+                terms.push(WrenchTerm::CentralForce { centre, point, strength, power, is_damper });
+            }
+        };
+        add(-stiffness, 0.0, false);
+        add(stiffness * rest_length, -1.0, false);
+        add(-damping, -2.0, true);
+        true
+    }
     #[inline]
     fn mass_derivative(&self, _: f64, _: &RigidBody, _: &RigidBodyState) -> Wrench {
         Wrench::default()
@@ -427,6 +463,17 @@ impl ForceModel for Drag {
             torque: along.rate.angular * -self.angular,
         }
     }
+    fn add_terms(&self, _: &RigidBody, terms: &mut Vec<WrenchTerm>) -> bool {
+        terms.push(WrenchTerm::LinearForce {
+            position: Matrix3::zeros(),
+            velocity: Matrix3::from_diagonal_element(-self.linear),
+        });
+        terms.push(WrenchTerm::AngularDrag(-self.angular));
+        if self.quadratic != 0.0 {
+            terms.push(WrenchTerm::QuadraticDrag(-self.quadratic));
+        }
+        true
+    }
     #[inline]
     fn mass_derivative(&self, _: f64, _: &RigidBody, _: &RigidBodyState) -> Wrench {
         Wrench::default()
@@ -466,6 +513,13 @@ impl ForceModel for ConstantTorque {
         };
         Wrench { force: Vector3::zeros(), torque }
     }
+    fn add_terms(&self, _: &RigidBody, terms: &mut Vec<WrenchTerm>) -> bool {
+        terms.push(match self {
+            Self::World(torque) => WrenchTerm::WorldTorque(*torque),
+            Self::Body(torque) => WrenchTerm::Torque(*torque),
+        });
+        true
+    }
     #[inline]
     fn mass_derivative(&self, _: f64, _: &RigidBody, _: &RigidBodyState) -> Wrench {
         Wrench::default()
@@ -504,6 +558,10 @@ impl ForceModel for ConstantForce {
     fn wrench_variation(&self, _: f64, _: &RigidBody, x: &RigidBodyState, along: &Tangent<Twist>) -> Wrench {
         let arm_change = along.displacement.angular.cross(&(x.orientation() * self.point));
         Wrench { force: Vector3::zeros(), torque: arm_change.cross(&self.force) }
+    }
+    fn add_terms(&self, _: &RigidBody, terms: &mut Vec<WrenchTerm>) -> bool {
+        terms.push(WrenchTerm::ForceAtPoint { force: self.force, point: self.point });
+        true
     }
     #[inline]
     fn mass_derivative(&self, _: f64, _: &RigidBody, _: &RigidBodyState) -> Wrench {

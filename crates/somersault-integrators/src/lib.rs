@@ -49,6 +49,7 @@ pub mod rotors;
 pub mod run;
 pub mod satellite;
 pub mod scratch;
+pub mod series;
 pub mod solution;
 mod splitting;
 pub mod state;

@@ -34,6 +34,7 @@ use crate::engine::Interior;
 use crate::error::IntegrateError;
 use crate::force::{ForceModel, Reach, Wrench, WrenchBound};
 use crate::partials::Partials;
+use crate::series::WrenchTerm;
 use crate::state::{Configuration, Pose, Rate, RigidBodyState, State, Twist};
 use crate::system::{Fault, Interaction, OneForm, RateOf, StateOf, System};
 use crate::variation::{Tangent, central_difference};
@@ -65,6 +66,12 @@ impl<F: ForceModel> ForceModel for TimeReversed<F> {
     fn depends_on_velocity(&self) -> bool {
         self.0.depends_on_velocity()
     }
+    fn add_terms(&self, body: &RigidBody, terms: &mut Vec<WrenchTerm>) -> bool {
+        let before = terms.len();
+        let has_terms = self.0.add_terms(body, terms);
+        terms[before..].iter_mut().for_each(|term| *term = term.reversed());
+        has_terms
+    }
     fn wrench_variation(
         &self,
         s: f64,
@@ -90,6 +97,9 @@ impl<F: ForceModel> ForceModel for TimeReversed<F> {
 impl<I: Interaction> Interaction for TimeReversed<I> {
     fn add_wrenches(&self, s: f64, bodies: &[RigidBody], x: &State<Vec<Pose>>, out: &mut [Twist]) {
         self.0.add_wrenches(-s, bodies, &reversed(x), out);
+    }
+    fn is_none(&self) -> bool {
+        self.0.is_none()
     }
     fn bodies(&self) -> Option<usize> {
         self.0.bodies()

@@ -113,7 +113,7 @@ impl LinearSchedule {
     }
 
     /// The largest magnitude.
-    fn largest(&self) -> f64 {
+    pub(crate) fn largest(&self) -> f64 {
         self.values.iter().fold(0.0, |most, x| x.abs().max(most))
     }
 }

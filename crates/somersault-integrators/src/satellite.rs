@@ -19,6 +19,7 @@
 use crate::body::RigidBody;
 use crate::force::{ForceModel, Reach, Wrench, WrenchBound};
 use crate::orbit::Orbit;
+use crate::series::WrenchTerm;
 use crate::state::{RigidBodyState, Twist};
 use crate::variation::Tangent;
 use nalgebra::Vector3;
@@ -141,6 +142,17 @@ impl ForceModel for MagneticDipole {
     fn wrench_variation(&self, t: f64, _: &RigidBody, x: &RigidBodyState, along: &Tangent<Twist>) -> Wrench {
         let change = along.displacement.angular.cross(&(x.orientation() * self.moment));
         Wrench { force: Vector3::zeros(), torque: change.cross(&self.field.at(t)) }
+    }
+    /// In a uniform field, m × B: the torque of a force B at the point m.
+    fn add_terms(&self, _: &RigidBody, terms: &mut Vec<WrenchTerm>) -> bool {
+        match &self.field {
+            Field::Uniform(field) => {
+                terms.push(WrenchTerm::ForceAtPoint { force: *field, point: self.moment });
+                terms.push(WrenchTerm::Force(-field));
+                true
+            }
+            Field::Dipole { .. } => false,
+        }
     }
     fn mass_derivative(&self, _: f64, _: &RigidBody, _: &RigidBodyState) -> Wrench {
         Wrench::default()

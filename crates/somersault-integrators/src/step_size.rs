@@ -3,7 +3,7 @@
 //! The step follows the proportional–integral control of Gustafsson (ACM TOMS 17 (1991) 533) in the
 //! exponents 0.85/k and 0.2/k, k the order of the error, with safety factor 0.9 and changes between 0.2
 //! and 5; see Hairer and Wanner, *Solving Ordinary Differential Equations II*, section IV.2, whose
-//! DOPRI5 has the same weights. A step whose error is not a number is rejected like one too large.
+//! DOPRI5 has the same weights. A method that knows beforehand how long a step may be chooses it itself. A step whose error is not a number is rejected like one too large.
 
 use crate::error::IntegrateError;
 use crate::state::{Configuration, ErrorSum, Rate, Tolerances};
@@ -70,6 +70,10 @@ pub struct StepSizeControl {
     h: f64,
     last_log_error: f64,
     just_rejected: bool,
+    /// Whether the size of the next step stands, and is not for the method to choose.
+    is_fixed: bool,
+    /// Whether the method chose a step, and will choose the next.
+    is_chosen: bool,
     accepted: u64,
     rejected: u64,
 }
@@ -92,12 +96,15 @@ impl StepSizeControl {
             h: 0.0,
             last_log_error: LEAST_REMEMBERED,
             just_rejected: false,
+            is_fixed: false,
+            is_chosen: false,
             accepted: 0,
             rejected: 0,
         };
         control.restart(system, t, x);
         if let Some(h) = settings.first_step {
             control.h = h.min(settings.max_step);
+            control.is_fixed = true;
         }
         Ok(control)
     }
@@ -106,7 +113,18 @@ impl StepSizeControl {
     pub fn restart<S: System>(&mut self, system: &S, t: f64, x: &StateOf<S>) {
         self.h = first_step(system, t, x, self.order, &self.settings.tolerances).min(self.settings.max_step);
         self.last_log_error = LEAST_REMEMBERED;
-        self.just_rejected = false;
+        (self.just_rejected, self.is_fixed) = (false, false);
+    }
+
+    /// Whether the method may choose the next step: unless one was rejected, shortened or given by the settings.
+    pub fn is_free(&self) -> bool {
+        !self.is_fixed
+    }
+
+    /// Takes the next step from a method that knows how long it may be.
+    pub fn choose(&mut self, longest: f64) {
+        self.h = longest.min(self.settings.max_step);
+        self.is_chosen = true;
     }
 
     /// The next step from `t` towards `end`, and the time after it.
@@ -133,6 +151,7 @@ impl StepSizeControl {
         expect_positive("step", step)?;
         self.rejected += 1;
         self.h = step;
+        self.is_fixed = true;
         Ok(())
     }
 
@@ -143,17 +162,21 @@ impl StepSizeControl {
     pub fn accepts(&mut self, t: f64, step: f64, error: f64) -> Result<bool, IntegrateError> {
         if error <= 1.0 {
             self.accepted += 1;
+            if self.is_chosen {
+                (self.just_rejected, self.is_fixed) = (false, false);
+                return Ok(true);
+            }
             let log_error = error.max(1e-10).ln();
             let (integral, proportional) = (0.85 / self.order, 0.2 / self.order);
             let growth = SAFETY * (proportional * self.last_log_error - integral * log_error).exp();
             let most = if self.just_rejected { 1.0 } else { 5.0 };
             self.h = (step * growth.min(most).clamp(0.2, 5.0)).min(self.settings.max_step);
             self.last_log_error = log_error.max(LEAST_REMEMBERED);
-            self.just_rejected = false;
+            (self.just_rejected, self.is_fixed) = (false, false);
             return Ok(true);
         }
         self.rejected += 1;
-        self.just_rejected = true;
+        (self.just_rejected, self.is_fixed) = (true, true);
         let shrink = if error.is_finite() { SAFETY * error.powf(-1.0 / self.order) } else { 0.2 };
         self.h = step * shrink.clamp(0.2, 1.0);
         if t + self.h > t {

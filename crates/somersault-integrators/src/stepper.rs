@@ -1,6 +1,6 @@
 //! What a method is: its description, its memory and its step.
 
-use crate::dense::Segment;
+use crate::dense::{Interpolant, Segment};
 use crate::scratch::Scratch;
 use crate::state::{Configuration, ErrorSum, Rate, State, Tolerances};
 use crate::system::{RateOf, StateOf, System};
@@ -72,6 +72,8 @@ pub enum Scope {
     RigidBodies,
     /// Rigid bodies without torque.
     TorqueFree,
+    /// Rigid bodies under forces whose Taylor series are known: sums of [`WrenchTerm`](crate::series::WrenchTerm)s.
+    ForcesWithSeries,
 }
 
 /// The variables a method integrates; see [`crate::system`].
@@ -164,6 +166,11 @@ impl MethodInfo {
         Self { name, title, variables, scope: Scope::RigidBodies, conserves, ..self }
     }
 
+    /// Whether it takes rigid bodies under forces of every kind.
+    pub const fn takes_any_forces(&self) -> bool {
+        matches!(self.scope, Scope::AnySystem | Scope::RigidBodies)
+    }
+
     /// Whether its steps can be adapted to tolerances: by its own estimate of the error, or by [doubling](crate::doubling) where it
     /// remembers no previous steps.
     pub const fn is_adaptive(&self) -> bool {
@@ -205,6 +212,14 @@ pub enum StepError {
     /// The method accepts no torque and the forces may exert one.
     #[error("method `{method}` accepts no torque, and these forces may exert one")]
     Torque {
+        /// The method.
+        method: &'static str,
+    },
+    /// The method needs the Taylor series of the forces, and there are none of these.
+    #[error(
+        "method `{method}` needs forces whose Taylor series are known: uniform gravity and magnetic fields, constant forces and torques, drag, springs, and points and balls on planes under a spring and a damper without friction; for others take `rkmk8_b`"
+    )]
+    NoSeries {
         /// The method.
         method: &'static str,
     },
@@ -251,10 +266,18 @@ pub enum StepError {
 }
 
 impl StepError {
+    /// Whether the method does not take the forces, however short the step.
+    pub fn is_refusal(&self) -> bool {
+        match self {
+            Self::Torque { .. } | Self::NoSeries { .. } => true,
+            Self::NotConverged { .. } | Self::StepTooLarge { .. } | Self::Angle { .. } => false,
+        }
+    }
+
     /// With the time of the other sign.
     pub(crate) fn backwards(mut self) -> Self {
         match &mut self {
-            Self::Torque { .. } => {}
+            Self::Torque { .. } | Self::NoSeries { .. } => {}
             Self::NotConverged { t, .. } | Self::StepTooLarge { t, .. } | Self::Angle { t, .. } => *t = -*t,
         }
         self
@@ -324,8 +347,8 @@ pub trait Stepper<S: System>: Scheme {
         h: f64,
         _memory: &mut Self::Memory,
         after: &StateOf<S>,
-    ) -> Segment<S::Configuration> {
-        Segment::hermite(system, t, x, h, after)
+    ) -> Box<dyn Interpolant<S::Configuration>> {
+        Box::new(Segment::hermite(system, t, x, h, after))
     }
 }
 
@@ -341,6 +364,18 @@ pub trait EmbeddedStepper<S: System>: Stepper<S> {
         memory: &mut Self::Memory,
         tolerances: &Tolerances,
     ) -> f64;
+
+    /// The longest step from `x` that meets the tolerances, of a method that knows it before the step is made; `None`, as by default, of
+    /// others, whose steps follow from the errors of those before.
+    fn longest_step(
+        &self,
+        _system: &S,
+        _x: &StateOf<S>,
+        _memory: &mut Self::Memory,
+        _tolerances: &Tolerances,
+    ) -> Result<Option<f64>, StepError> {
+        Ok(None)
+    }
 
     /// Takes back the step just made: the next one starts from the same state at the same time.
     ///

@@ -18,6 +18,7 @@ pub use crate::fault::Fault;
 use crate::force::ForceModel;
 use crate::partials::Partials;
 use crate::scratch::Scratch;
+use crate::series::WrenchTerm;
 use crate::state::{Configuration, Pose, Poses, Rate, RigidBodyState, State, Twist};
 use nalgebra::Vector3;
 use std::sync::Arc;
@@ -131,6 +132,10 @@ pub trait RigidSystem: System<Configuration: Poses, Forms = RigidForms> {
         self.wrenches(t, &world, &mut wrenches);
         torques_in_body_axes::<Self::Configuration>(x, &wrenches, out);
     }
+    /// Adds terms whose sum is the wrench on body `i`, as [`ForceModel::add_terms`]; false, as by default, where none are known.
+    fn add_terms(&self, _i: usize, _terms: &mut Vec<WrenchTerm>) -> bool {
+        false
+    }
     /// Whether all wrenches are always zero.
     fn is_free(&self) -> bool;
     /// Whether all torques are always zero.
@@ -190,6 +195,9 @@ impl<S: RigidSystem + ?Sized> RigidSystem for &S {
         out: &mut BodyRate<S>,
     ) {
         (**self).body_wrenches(t, x, world, out);
+    }
+    fn add_terms(&self, i: usize, terms: &mut Vec<WrenchTerm>) -> bool {
+        (**self).add_terms(i, terms)
     }
     #[inline(always)]
     fn is_free(&self) -> bool {
@@ -282,6 +290,9 @@ impl<F: ForceModel> RigidSystem for RigidBodySystem<F> {
         let wrench = self.forces.wrench(t, &self.body, x);
         *out = Twist { linear: wrench.force, angular: wrench.torque };
     }
+    fn add_terms(&self, _: usize, terms: &mut Vec<WrenchTerm>) -> bool {
+        self.forces.add_terms(&self.body, terms)
+    }
     #[inline(always)]
     fn is_free(&self) -> bool {
         self.forces.is_free()
@@ -300,6 +311,10 @@ impl<F: ForceModel> RigidSystem for RigidBodySystem<F> {
 pub trait Interaction {
     /// Adds force and torque on every body, world frame.
     fn add_wrenches(&self, t: f64, bodies: &[RigidBody], x: &State<Vec<Pose>>, out: &mut [Twist]);
+    /// Whether it never acts.
+    fn is_none(&self) -> bool {
+        false
+    }
     /// The number of bodies it is made for; `None` if it takes any.
     fn bodies(&self) -> Option<usize> {
         None
@@ -316,6 +331,9 @@ pub trait Interaction {
 
 impl Interaction for () {
     fn add_wrenches(&self, _: f64, _: &[RigidBody], _: &State<Vec<Pose>>, _: &mut [Twist]) {}
+    fn is_none(&self) -> bool {
+        true
+    }
     fn is_torque_free(&self) -> bool {
         true
     }
@@ -331,6 +349,9 @@ pub type BoxedInteraction = Box<dyn Interaction + Send + Sync>;
 impl Interaction for BoxedInteraction {
     fn add_wrenches(&self, t: f64, bodies: &[RigidBody], x: &State<Vec<Pose>>, out: &mut [Twist]) {
         (**self).add_wrenches(t, bodies, x, out);
+    }
+    fn is_none(&self) -> bool {
+        (**self).is_none()
     }
     fn bodies(&self) -> Option<usize> {
         (**self).bodies()
@@ -452,6 +473,9 @@ impl<F: ForceModel, I: Interaction> RigidSystem for RigidBodiesSystem<F, I> {
             out[i] = Twist { linear: wrench.force, angular: wrench.torque };
         }
         self.interaction.add_wrenches(t, &self.bodies, x, out);
+    }
+    fn add_terms(&self, i: usize, terms: &mut Vec<WrenchTerm>) -> bool {
+        self.interaction.is_none() && self.forces[i].add_terms(&self.bodies[i], terms)
     }
     fn is_free(&self) -> bool {
         // An interaction is not asked whether it ever acts; without one there is nothing to gain.

@@ -8,6 +8,7 @@ use somersault_integrators::exact::FreeBody;
 use somersault_integrators::force::{BoxedForce, ConstantForce, Drag, ForceModel, Spring, Wrench};
 use somersault_integrators::methods::Method;
 use somersault_integrators::run::Run;
+use somersault_integrators::series::WrenchTerm;
 use somersault_integrators::state::{Pose, RigidBodyState};
 use somersault_integrators::stepper::Orders;
 use somersault_integrators::system::RigidBodySystem;
@@ -200,6 +201,11 @@ fn attraction(r: &Vector3<f64>) -> Vector3<f64> {
     -r / r.norm().powi(3)
 }
 
+fn attraction_term(body: &RigidBody) -> WrenchTerm {
+    let (centre, point) = (Vector3::zeros(), Vector3::zeros());
+    WrenchTerm::CentralForce { centre, point, strength: -body.mass(), power: -3.0, is_damper: false }
+}
+
 fn at(position: Vector3<f64>, velocity: Vector3<f64>) -> RigidBodyState {
     RigidBodyState::new(position, UnitQuaternion::identity(), velocity, Vector3::zeros())
 }
@@ -210,6 +216,10 @@ struct Central;
 impl ForceModel for Central {
     fn wrench(&self, _: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
         Wrench { force: attraction(x.position()) * body.mass(), torque: Vector3::zeros() }
+    }
+    fn add_terms(&self, body: &RigidBody, terms: &mut Vec<WrenchTerm>) -> bool {
+        terms.push(attraction_term(body));
+        true
     }
     fn is_torque_free(&self) -> bool {
         true
@@ -246,6 +256,15 @@ impl ForceModel for CentralInTurningFrame {
         let a =
             attraction(x.position()) - 2.0 * self.turning.cross(x.velocity()) - self.turning.cross(&carried);
         Wrench { force: a * body.mass(), torque: Vector3::zeros() }
+    }
+    fn add_terms(&self, body: &RigidBody, terms: &mut Vec<WrenchTerm>) -> bool {
+        let turning = self.turning.cross_matrix();
+        terms.push(attraction_term(body));
+        terms.push(WrenchTerm::LinearForce {
+            position: -turning * turning * body.mass(),
+            velocity: -2.0 * turning * body.mass(),
+        });
+        true
     }
     fn is_torque_free(&self) -> bool {
         true
@@ -308,6 +327,10 @@ struct Thrust(Vector3<f64>);
 impl ForceModel for Thrust {
     fn wrench(&self, _: f64, _: &RigidBody, x: &RigidBodyState) -> Wrench {
         Wrench { force: x.orientation() * self.0, torque: Vector3::zeros() }
+    }
+    fn add_terms(&self, _: &RigidBody, terms: &mut Vec<WrenchTerm>) -> bool {
+        terms.push(WrenchTerm::Thrust(self.0));
+        true
     }
     fn is_torque_free(&self) -> bool {
         true

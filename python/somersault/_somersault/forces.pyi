@@ -11,6 +11,7 @@ from somersault._somersault.integrators import RigidBody, State
 
 __all__ = [
     "AerodynamicDrag",
+    "CentralGravity",
     "ControlMomentGyros",
     "Drag",
     "Force",
@@ -22,6 +23,7 @@ __all__ = [
     "Orbit",
     "Plate",
     "ReactionWheels",
+    "ScheduledTorque",
     "SolarPressure",
     "Spring",
     "Torque",
@@ -83,6 +85,28 @@ class Torque(ForceModel):
     def torque(self) -> _Floats: ...
     @property
     def frame(self) -> Literal["world", "body"]: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class ScheduledTorque(ForceModel):
+    def __new__(
+        cls, times: ArrayLike, torques: ArrayLike, frame: Literal["world", "body"] = "world"
+    ) -> ScheduledTorque: ...
+    @property
+    def times(self) -> _Floats: ...
+    @property
+    def torques(self) -> _Floats: ...
+    @property
+    def frame(self) -> Literal["world", "body"]: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
+
+@final
+class CentralGravity(ForceModel):
+    def __new__(cls, gravitational_parameter: float, center: ArrayLike | None = None) -> CentralGravity: ...
+    @property
+    def gravitational_parameter(self) -> float: ...
+    @property
+    def center(self) -> _Floats: ...
     def __reduce__(self) -> tuple[Any, ...]: ...
 
 @final

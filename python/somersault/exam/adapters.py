@@ -130,11 +130,19 @@ class _Somersault(_Engine):
             scene.contacts or scene.pivot or any(scene.torque) or any(scene.rotors)
         ):
             return "the method is for bodies without torque"
+        if self.info.scope == "forces with series" and (
+            any(scene.rotors) or any(self._has_no_series(touch) for touch in scene.contacts)
+        ):
+            return "the method is for forces whose Taylor series are known"
         if scene.hinges and self.info.scope != "any system":
             return "the method is for rigid bodies, and not for trees"
         if any(touch.law == "hunt_crossley" for touch in scene.contacts):
             return "its law of Hunt and Crossley is another one, with the power 3/2 of Hertz"
         return True
+
+    def _has_no_series(self, touch: SceneContact) -> bool:
+        """Whether a contact is rough, curved or of two bodies."""
+        return bool(touch.friction or touch.viscosity) or touch.surface in ("sphere", "body")
 
     def law(self, scene: ExamScene) -> str | None:
         if any(touch.law == "rigid" for touch in scene.contacts):

@@ -139,6 +139,11 @@ impl ContactLaw {
         self.friction.law().is_none() && self.resistance.is_none()
     }
 
+    /// The normal law where it is a spring with a damper, and nothing else acts.
+    pub(crate) fn only_compliant(&self) -> Option<&CompliantLaw> {
+        self.compliant.as_ref().filter(|_| self.is_only_normal())
+    }
+
     /// The normal force frozen in contact, N.
     #[inline(always)]
     pub fn push(&self, gap: f64, rate: f64) -> f64 {

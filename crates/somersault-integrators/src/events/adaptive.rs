@@ -21,8 +21,13 @@ pub(super) fn steps<H: Hybrid>(
             run.worker.restart();
             run.worker.engine.restart_control(&mut control, t, run.before.slot);
         }
-        let (h, t_after) = control.propose(t, until)?;
         let (from, to) = (run.before.slot, run.after.slot);
+        if control.is_free()
+            && let Some(longest) = run.worker.engine.longest_step(from, &settings.tolerances)?
+        {
+            control.choose(longest);
+        }
+        let (h, t_after) = control.propose(t, until)?;
         let attempt = run.worker.engine.attempt(t, h, from, to, &settings.tolerances);
         let (mut error, unsolved) = judge(attempt)?;
         let mut fault = unsolved.map(Interruption::from);

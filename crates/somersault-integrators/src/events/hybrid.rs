@@ -5,6 +5,7 @@ use super::sweep::Sweep;
 use crate::body::RigidBody;
 use crate::driver::IntegrateError;
 use crate::partials::Partials;
+use crate::series::WrenchTerm;
 use crate::state::State;
 use crate::system::{
     BodyPoses, BodyRate, Decoder, Fault, FromBody, RateOf, RigidSystem, StateOf, System, WorldScratch,
@@ -187,6 +188,11 @@ pub trait HybridBodies: Hybrid + RigidSystem {
         self.wrenches_in(mode, t, &world, &mut wrenches);
         torques_in_body_axes::<Self::Configuration>(x, &wrenches, out);
     }
+    /// Adds terms whose sum is the wrench on body `i` by the equations of a mode, as [`RigidSystem::add_terms`]; false, as by default,
+    /// where none are known.
+    fn add_terms_in(&self, _mode: &Self::Mode, _i: usize, _terms: &mut Vec<WrenchTerm>) -> bool {
+        false
+    }
 }
 
 #[deny(clippy::missing_trait_methods)]
@@ -281,6 +287,9 @@ impl<S: HybridBodies + ?Sized> HybridBodies for &S {
         out: &mut BodyRate<S>,
     ) {
         (**self).body_wrenches_in(mode, t, x, world, out);
+    }
+    fn add_terms_in(&self, mode: &S::Mode, i: usize, terms: &mut Vec<WrenchTerm>) -> bool {
+        (**self).add_terms_in(mode, i, terms)
     }
 }
 
@@ -423,6 +432,9 @@ impl<H: HybridBodies> RigidSystem for Frozen<'_, H> {
         out: &mut BodyRate<H>,
     ) {
         self.system.body_wrenches_in(&self.mode.borrow(), self.time(t), x, world, out);
+    }
+    fn add_terms(&self, i: usize, terms: &mut Vec<WrenchTerm>) -> bool {
+        self.system.add_terms_in(&self.mode.borrow(), i, terms)
     }
     #[inline(always)]
     fn is_free(&self) -> bool {

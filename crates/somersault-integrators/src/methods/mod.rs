@@ -65,6 +65,7 @@ pub mod split2;
 pub mod split4;
 pub mod sv;
 pub mod sv2;
+pub mod taylor;
 
 /// Choices that some methods offer; the others ignore them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

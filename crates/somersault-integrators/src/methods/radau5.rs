@@ -27,7 +27,7 @@
 //! round-off, so that events can be located on the steps. Its rest is that of Z = h A F(Z), which is exact to a rounding at the
 //! solution, and not that of the transformed equations. The second form of RADAU5's estimate after a rejected step is left out.
 
-use crate::dense::Segment;
+use crate::dense::{Interpolant, Segment};
 use crate::iteration::is_rounding;
 use crate::lu::Factors;
 use crate::partials::Partials;
@@ -481,7 +481,7 @@ impl<S: System> Stepper<S> for RadauIia {
         h: f64,
         m: &mut Self::Memory,
         _: &StateOf<S>,
-    ) -> Segment<S::Configuration> {
+    ) -> Box<dyn Interpolant<S::Configuration>> {
         let curve = |numbers: fn(&Part) -> &[f64]| {
             let coefficient = |row: &[f64; 3]| {
                 let mut sum = x.rate.clone();
@@ -496,7 +496,7 @@ impl<S: System> Stepper<S> for RadauIia {
             SCALES.powers.iter().map(coefficient).collect()
         };
         let [displacement, change] = [curve(|part| &part.displacement), curve(|part| &part.change)];
-        Segment { t, h, start: x.clone(), displacement, change }
+        Box::new(Segment { t, h, start: x.clone(), displacement, change })
     }
 }
 

@@ -25,7 +25,7 @@
 //! # Deviations
 //! None in the formulas. dexp⁻¹ is exact where the source truncates its series at the order.
 
-use crate::dense::Segment;
+use crate::dense::{Interpolant, Segment};
 use crate::scratch::Scratch;
 use crate::state::{Configuration, Rate, State, Tolerances};
 use crate::stepper::{EmbeddedStepper, MethodInfo, Scheme, StepError, Stepper, weighed_error};
@@ -307,10 +307,10 @@ impl<S: System, T: Coefficients> Stepper<S> for RungeKuttaMuntheKaas<T> {
         h: f64,
         m: &mut Self::Memory,
         after: &StateOf<S>,
-    ) -> Segment<S::Configuration> {
+    ) -> Box<dyn Interpolant<S::Configuration>> {
         let tableau = self.0.tableau();
         let Some(dense) = self.0.dense() else {
-            return Segment::hermite(system, t, x, h, after);
+            return Box::new(Segment::hermite(system, t, x, h, after));
         };
         let TableauMemory { workspace, stage, displacement, slopes, first, .. } = m;
         let (mut stage, mut u) = (stage.lend(), displacement.lend());
@@ -349,7 +349,7 @@ impl<S: System, T: Coefficients> Stepper<S> for RungeKuttaMuntheKaas<T> {
         let mut jump = after.rate.clone();
         jump.axpy(-1.0, &x.rate);
         let change = curve(|slope| &slope.acceleration, &jump);
-        Segment { t, h, start: x.clone(), displacement, change }
+        Box::new(Segment { t, h, start: x.clone(), displacement, change })
     }
 }
 

@@ -230,7 +230,7 @@ fn run(
             let t = done as f64 * setup.dt;
             match engine.advance(Track::RUN, t, setup.dt, before, after, Some(&mut seen)) {
                 Ok(()) => {}
-                Err(IntegrateError::Step(error @ StepError::Torque { .. })) => return Err(error),
+                Err(IntegrateError::Step(error)) if error.is_refusal() => return Err(error),
                 Err(IntegrateError::NonFinite { .. }) => seen.rate.angular.fill(f64::INFINITY),
                 // The ratios that are missing say that the step failed.
                 Err(_) => break 'marks,

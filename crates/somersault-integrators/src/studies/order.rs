@@ -15,7 +15,7 @@ use super::{Progress, StudyError, check_not_empty, report};
 use crate::driver::{IntegrateError, Outcome, TimeGrid};
 use crate::methods::{Method, Options};
 use crate::run::Run;
-use crate::stepper::{StepError, Stepper};
+use crate::stepper::Stepper;
 use crate::system::{RigidSystem, System};
 use somersault_core::argument::expect_positive;
 
@@ -122,7 +122,7 @@ pub(super) type Integrated<S> = Result<Outcome<<S as System>::Configuration>, In
 pub fn forgive<T>(run: Result<T, IntegrateError>) -> Result<Option<T>, IntegrateError> {
     match run {
         Ok(outcome) => Ok(Some(outcome)),
-        Err(IntegrateError::Step(error @ StepError::Torque { .. })) => Err(error.into()),
+        Err(IntegrateError::Step(error)) if error.is_refusal() => Err(error.into()),
         Err(
             IntegrateError::NonFinite { .. }
             | IntegrateError::Step(_)

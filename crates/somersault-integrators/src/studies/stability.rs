@@ -42,10 +42,11 @@ use super::{Progress, StudyError, report};
 use crate::body::RigidBody;
 use crate::force::{ForceModel, Wrench};
 use crate::methods::{Method, Options, Visitor};
+use crate::series::WrenchTerm;
 use crate::state::{Pose, RigidBodyState};
 use crate::stepper::{StepError, Stepper};
 use crate::system::{Decoder, Form, RigidBodySystem, StateOf, System, Unchanged};
-use nalgebra::{DMatrix, Schur, Vector3};
+use nalgebra::{DMatrix, Matrix3, Schur, Vector3};
 use rayon::prelude::*;
 use somersault_core::argument::ArgumentError;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -90,6 +91,16 @@ impl ForceModel for TestForce {
     }
     fn depends_on_velocity(&self) -> bool {
         self.lambda.re != 0.0
+    }
+    /// Without the pulse.
+    fn add_terms(&self, _: &RigidBody, terms: &mut Vec<WrenchTerm>) -> bool {
+        let Lambda { re, im } = self.lambda;
+        let along = Matrix3::from_diagonal(&Vector3::x());
+        terms.push(WrenchTerm::LinearForce {
+            position: along * -(re * re + im * im),
+            velocity: along * (2.0 * re),
+        });
+        self.pulse_end <= 0.0
     }
 }
 
@@ -202,7 +213,7 @@ fn rows(
         let row: Vec<_> = re.par_iter().map(|&re| radius(Lambda { re, im })).collect();
         for value in row {
             result.push(match value {
-                Err(StudyError::Step(error @ StepError::Torque { .. })) => return Err(error.into()),
+                Err(StudyError::Step(error)) if error.is_refusal() => return Err(error.into()),
                 Err(error @ StudyError::Argument(ArgumentError::NonFinite { .. })) => return Err(error),
                 other => other.unwrap_or(f64::NAN),
             });

@@ -240,10 +240,8 @@ impl From<UnknownMethod> for Error {
 
 impl From<StepError> for Error {
     fn from(error: StepError) -> Self {
-        match error {
-            StepError::Torque { .. } => Self::own(Class::Input, &error),
-            error => Self::own(Class::Integration, &error),
-        }
+        let class = if error.is_refusal() { Class::Input } else { Class::Integration };
+        Self::own(class, &error)
     }
 }
 

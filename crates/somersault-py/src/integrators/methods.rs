@@ -63,13 +63,15 @@ value! {
 
 #[pymethods]
 impl MethodInfo {
-    /// str: ``"any system"``, ``"rigid bodies"``, or ``"torque-free"`` for rigid bodies without torque.
+    /// str: ``"any system"``, ``"rigid bodies"``, ``"torque-free"`` for rigid bodies without torque, or
+    /// ``"forces with series"`` for rigid bodies under forces whose Taylor series are known.
     #[getter]
     fn scope(&self) -> &'static str {
         match self.0.info().scope {
             Scope::AnySystem => "any system",
             Scope::RigidBodies => "rigid bodies",
             Scope::TorqueFree => "torque-free",
+            Scope::ForcesWithSeries => "forces with series",
         }
     }
 

@@ -12,6 +12,7 @@ use pyo3::types::{PyList, PyType};
 use somersault::integrators::body;
 use somersault::integrators::force::{self, BoxedForce, Wrench};
 use somersault::integrators::nalgebra::Vector3;
+use somersault::integrators::series::WrenchTerm;
 use somersault::integrators::state::{Pose, RigidBodiesState, RigidBodyState, State as StateOf, Twist};
 use somersault::integrators::system::{self, BoxedInteraction, Interaction};
 use somersault::integrators::variation::Tangent;
@@ -108,6 +109,9 @@ impl force::ForceModel for Shared {
     }
     fn potential(&self, body: &body::RigidBody, x: &RigidBodyState) -> Option<f64> {
         self.0.potential(body, x)
+    }
+    fn add_terms(&self, body: &body::RigidBody, terms: &mut Vec<WrenchTerm>) -> bool {
+        self.0.add_terms(body, terms)
     }
     fn wrench_variation(
         &self,
@@ -390,10 +394,9 @@ impl Torque {
     #[pyo3(signature = (torque, frame="world"))]
     fn new(torque: &Bound<'_, PyAny>, frame: &str) -> Result<PyClassInitializer<Self>, Error> {
         let torque = vector("torque", torque)?;
-        let torque = match frame {
-            "world" => force::ConstantTorque::World(torque),
-            "body" => force::ConstantTorque::Body(torque),
-            _ => return Err(Error::input(format!("`frame` must be 'world' or 'body', found '{frame}'"))),
+        let torque = match is_body(frame)? {
+            false => force::ConstantTorque::World(torque),
+            true => force::ConstantTorque::Body(torque),
         };
         Ok(build(torque, Self))
     }
@@ -422,6 +425,70 @@ impl Torque {
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
         let (py, own) = (slf.py(), slf.get());
         by_class(slf, (own.torque(py), own.frame()))
+    }
+}
+
+/// The name of the frame of a torque as whether it is the body's.
+pub(super) fn is_body(frame: &str) -> Result<bool, Error> {
+    match frame {
+        "world" => Ok(false),
+        "body" => Ok(true),
+        _ => Err(Error::input(format!("`frame` must be 'world' or 'body', found '{frame}'"))),
+    }
+}
+
+/// Newton's attraction of the centre of mass by a fixed point: F = −μ m s/|s|³ with the way s from the point.
+///
+/// It exerts no torque; that of its gradient is `GravityGradient`.
+///
+/// Parameters
+/// ----------
+/// gravitational_parameter : float
+///     μ, m³/s².
+/// center : array_like, shape (3,), optional
+///     The point, world frame, m; the origin unless given.
+///
+/// Examples
+/// --------
+/// A circle of radius 1 m is passed in 2π s:
+///
+/// >>> import math
+/// >>> import somersault
+/// >>> body, start = somersault.RigidBody.sphere(1.0, 0.1), somersault.State((1, 0, 0), velocity=(0, 1, 0))
+/// >>> sun = somersault.forces.CentralGravity(1.0)
+/// >>> orbit = somersault.integrate(body, start, (0.0, 2 * math.pi), forces=sun, rtol=1e-10)
+/// >>> orbit.position[-1].round(6) + 0.0
+/// array([1., 0., 0.])
+#[pyclass(frozen, extends = ForceModel, module = "somersault.forces")]
+pub(crate) struct CentralGravity(force::CentralGravity);
+
+value! {
+    impl CentralGravity(gravitational_parameter, center) {
+        /// float: μ, m³/s².
+        gravitational_parameter: f64 = |own| own.0.gravitational_parameter;
+        /// ndarray, shape (3,): The point, world frame, m.
+        center: Bound<'py, PyAny> = |own, py| vector_array(py, &own.0.centre);
+    }
+}
+
+#[pymethods]
+impl CentralGravity {
+    #[new]
+    #[pyo3(signature = (gravitational_parameter, center=None))]
+    fn new(
+        gravitational_parameter: f64,
+        center: Option<&Bound<'_, PyAny>>,
+    ) -> Result<PyClassInitializer<Self>, Error> {
+        let gravity = force::CentralGravity {
+            gravitational_parameter: finite("gravitational_parameter", gravitational_parameter)?,
+            centre: vector_or("center", center, Vector3::zeros())?,
+        };
+        Ok(build(gravity, Self))
+    }
+
+    fn __repr__(&self) -> String {
+        let force::CentralGravity { gravitational_parameter, centre } = &self.0;
+        format!("CentralGravity({gravitational_parameter:?}, {:?})", centre.as_slice())
     }
 }
 

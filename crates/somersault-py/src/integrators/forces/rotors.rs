@@ -1,12 +1,11 @@
 //! Reaction wheels and control moment gyros.
 
-use crate::core::convert::{
-    any_vectors, array, check_finite, finite, numbers_or_one, real_numbers, times, with_shape,
-};
+use crate::core::convert::{any_vectors, array, check_finite, finite, numbers_or_one, times};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, counted, value};
 use crate::integrators::bodies::RigidBody;
 use crate::integrators::forces::models::{ForceModel, build_for};
+use crate::integrators::forces::scheduled::{rows, schedules};
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 use somersault::integrators::nalgebra::Vector3;
@@ -27,7 +26,7 @@ fn one_each(argument: &str, count: usize, value: Option<&Bound<'_, PyAny>>) -> R
 }
 
 /// A schedule for each rotor: constant, or with a row of values for each of the times.
-fn schedules(
+fn schedules_or_constants(
     argument: &str,
     count: usize,
     values: Option<&Bound<'_, PyAny>>,
@@ -41,23 +40,7 @@ fn schedules(
     let Some(values) = values else {
         return Err(Error::input(format!("`times` are those of `{argument}`, which are not given")));
     };
-    let times = real_numbers("times", times)?;
-    let rows = with_shape(argument, &[times.len(), count], values)?;
-    let column = |rotor: usize| rows.iter().skip(rotor).step_by(count).copied().collect();
-    (0..count)
-        .map(|rotor| {
-            let schedule = LinearSchedule::try_new(times.clone(), column(rotor));
-            schedule.map_err(|error| Error::from(error).with_names(&[("values", argument)]))
-        })
-        .collect()
-}
-
-/// The times and rows that a pickle holds of schedules.
-fn rows<'a>(schedules: impl Iterator<Item = &'a LinearSchedule> + Clone) -> (Vec<f64>, Vec<Vec<f64>>) {
-    let times = schedules.clone().next().map(|schedule| schedule.times().to_vec()).unwrap_or_default();
-    let row = |i: usize| schedules.clone().map(|schedule| schedule.values()[i]).collect();
-    let rows = (0..times.len()).map(row).collect();
-    (times, rows)
+    schedules(argument, count, values, times)
 }
 
 /// Numbers of several columns at one time, shape (n,), or at several, shape (times, n).
@@ -151,7 +134,7 @@ impl ReactionWheels {
         let axes = self::axes("axes", axes)?;
         let inertias = numbers_or_one("inertias", axes.len(), inertias)?;
         let momenta = one_each("momenta", axes.len(), momenta)?;
-        let torques = schedules("torques", axes.len(), torques, times)?;
+        let torques = schedules_or_constants("torques", axes.len(), torques, times)?;
         let names = [("axis", "axes"), ("inertia", "inertias"), ("momentum", "momenta")];
         let wheels = (axes.into_iter().zip(inertias)).zip(momenta.into_iter().zip(torques));
         let wheels = wheels.map(|((axis, inertia), (momentum, torque))| {
@@ -309,7 +292,7 @@ impl ControlMomentGyros {
         check_finite("spins", spins.iter().flatten())?;
         let momenta = numbers_or_one("momenta", count, momenta)?;
         let angles = one_each("angles", count, angles)?;
-        let rates = schedules("rates", count, rates, times)?;
+        let rates = schedules_or_constants("rates", count, rates, times)?;
         let names = [("gimbal", "gimbals"), ("spin", "spins"), ("momentum", "momenta"), ("angle", "angles")];
         let gyros = gimbals.into_iter().zip(spins).zip(momenta.into_iter().zip(angles)).zip(rates);
         let gyros = gyros.map(|(((gimbal, spin), (momentum, angle)), rate)| {

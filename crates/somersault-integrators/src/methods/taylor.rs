@@ -1,0 +1,196 @@
+//! Taylor series of order 16.
+//!
+//! A step is the Taylor polynomial of degree 16 of the motion from its start, in closed recurrences, see
+//! [`series`](crate::series): position and velocity in world axes, angular momentum in body axes, and the orientation as a
+//! quaternion, which is scaled to length 1 at the end.
+//!
+//! Order 16 on ℝ³ and on SO(3); the terms of highest degree, of positions and of
+//! velocities, are the estimate of the error: the last two coefficients of the velocity. From them the longest step is known before it is made. The same polynomial is the dense output, at
+//! the order of the step, and a step that is rejected or made again shorter costs its evaluation only. 1 evaluation, which gives
+//! all derivatives; no start-up. Conserves nothing exactly.
+//!
+//! For small tolerances, 1e-9 and below, under forces that have series: a sum of [`WrenchTerm`](crate::series::WrenchTerm)s, as
+//! [`ForceModel::add_terms`](crate::force::ForceModel::add_terms) gives it. Others are refused with [`StepError::NoSeries`]. Where the way to a
+//! centre of force, or the velocity under quadratic drag, may vanish within a step, this is refused with [`StepError::StepTooLarge`]: behind zero
+//! a series has the wrong sign of the length. So a run ends where a body is thrown exactly through the anchor of a spring.
+//!
+//! À. Jorba and M. Zou, Experimental Mathematics 14 (2005) 99.
+//!
+//! # Deviations
+//! The degree is fixed, where the source chooses it by the tolerance.
+
+use crate::dense::Interpolant;
+use crate::series::{BodySeries, DEGREE, WrenchTerm};
+use crate::state::{Configuration, Poses, Rate, RigidBodyState, State, Tolerances};
+use crate::stepper::{EmbeddedStepper, MethodInfo, Scheme, Scope, StepError, Stepper, weighed_error};
+use crate::system::{RateOf, RigidSystem, StateOf, System};
+
+register! {
+    415 => Taylor16: TaylorSeries, world, embedded;
+}
+
+/// Taylor series of order 16 of rigid bodies under forces with series.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct TaylorSeries;
+
+impl Scheme for TaylorSeries {
+    const INFO: MethodInfo = MethodInfo {
+        evaluations: 1,
+        dense_order: DEGREE as u8 + 1,
+        embedded: Some(DEGREE as u8 - 1),
+        scope: Scope::ForcesWithSeries,
+        limitations: "unsuitable for forces without series, such as functions and friction, which are refused; a way through the anchor of a spring, or through rest under quadratic drag",
+        ..MethodInfo::explicit(
+            "taylor16",
+            "Taylor series, order 16",
+            "À. Jorba and M. Zou, Experimental Mathematics 14 (2005) 99",
+            DEGREE as u8,
+        )
+    };
+}
+
+/// The series of each body from the start of the step made last, and room to work in.
+pub struct TaylorMemory<S: System> {
+    bodies: Vec<BodySeries>,
+    terms: Vec<WrenchTerm>,
+    errors: [RateOf<S>; 2],
+    /// The error of a step of 1 from there, weighed by these tolerances, once it is known: that of h is h¹⁶ times it.
+    of_unit_step: Option<(Tolerances, f64)>,
+}
+
+/// State of body `i`.
+fn body_state<Q: Poses>(x: &State<Q>, i: usize) -> RigidBodyState {
+    State { configuration: x.configuration.pose(i), rate: Q::twist(&x.rate, i) }
+}
+
+/// Moves the bodies, which are in the state at the start, along their series.
+fn move_bodies<Q: Poses>(bodies: &[BodySeries], h: f64, x: &mut State<Q>) {
+    for (i, series) in bodies.iter().enumerate() {
+        let (pose, twist) = series.at(h);
+        x.configuration.set_pose(i, pose);
+        Q::set_twist(&mut x.rate, i, twist);
+    }
+}
+
+/// Of the step that is chosen, for an error of SAFETY¹⁶ = 0.44 of the tolerances.
+const SAFETY: f64 = 0.95;
+/// How often it is halved at most where it may reach the centre of a force.
+const HALVINGS: usize = 30;
+
+impl<S: RigidSystem> TaylorMemory<S> {
+    /// The terms of highest degree of a step of 1 from x, where the series begin, weighed by the tolerances.
+    fn of_unit_step(&mut self, x: &StateOf<S>, tolerances: &Tolerances) -> f64 {
+        if let Some((_, error)) = self.of_unit_step.filter(|(known, _)| known == tolerances) {
+            return error;
+        }
+        let [of_configuration, of_rate] = &mut self.errors;
+        of_configuration.set_zero();
+        of_rate.set_zero();
+        for (i, series) in self.bodies.iter().enumerate() {
+            let [displacement, change] = series.last_terms();
+            S::Configuration::set_twist(of_configuration, i, displacement);
+            S::Configuration::set_twist(of_rate, i, change);
+        }
+        let error = weighed_error(x, x, of_configuration, of_rate, tolerances);
+        self.of_unit_step = Some((*tolerances, error));
+        error
+    }
+
+    fn expand(&mut self, system: &S, x: &StateOf<S>) -> Result<(), StepError> {
+        for (i, series) in self.bodies.iter_mut().enumerate() {
+            self.terms.clear();
+            if !system.add_terms(i, &mut self.terms) {
+                return Err(StepError::NoSeries { method: TaylorSeries::INFO.name });
+            }
+            if series.expand(system.body(i), &body_state(x, i), &self.terms) {
+                self.of_unit_step = None;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl<S: RigidSystem> Stepper<S> for TaylorSeries {
+    type Memory = TaylorMemory<S>;
+
+    fn start(&self, system: &S, x: &StateOf<S>) -> Result<Self::Memory, StepError> {
+        let bodies = vec![BodySeries::new(); x.configuration.count()];
+        let errors = [x.rate.clone(), x.rate.clone()];
+        let mut memory = TaylorMemory { bodies, terms: Vec::new(), errors, of_unit_step: None };
+        memory.expand(system, x)?;
+        Ok(memory)
+    }
+
+    fn step(
+        &self,
+        system: &S,
+        t: f64,
+        x: &StateOf<S>,
+        h: f64,
+        memory: &mut Self::Memory,
+        out: &mut StateOf<S>,
+    ) -> Result<(), StepError> {
+        memory.expand(system, x)?;
+        if !memory.bodies.iter().all(|series| series.holds_to(h)) {
+            return Err(StepError::StepTooLarge { method: Self::INFO.name, t, h });
+        }
+        out.assign(x);
+        move_bodies(&memory.bodies, h, out);
+        Ok(())
+    }
+
+    fn segment(
+        &self,
+        _: &S,
+        t: f64,
+        x: &StateOf<S>,
+        _: f64,
+        memory: &mut Self::Memory,
+        _: &StateOf<S>,
+    ) -> Box<dyn Interpolant<S::Configuration>> {
+        Box::new(TaylorCurve { t, start: x.clone(), bodies: memory.bodies.clone() })
+    }
+}
+
+impl<S: RigidSystem> EmbeddedStepper<S> for TaylorSeries {
+    fn error(
+        &self,
+        x: &StateOf<S>,
+        _: &StateOf<S>,
+        h: f64,
+        memory: &mut Self::Memory,
+        tolerances: &Tolerances,
+    ) -> f64 {
+        memory.of_unit_step(x, tolerances) * h.powi(DEGREE as i32)
+    }
+
+    /// From the terms of highest degree, which grow by the power 16 of the step.
+    fn longest_step(
+        &self,
+        system: &S,
+        x: &StateOf<S>,
+        memory: &mut Self::Memory,
+        tolerances: &Tolerances,
+    ) -> Result<Option<f64>, StepError> {
+        memory.expand(system, x)?;
+        let longest = SAFETY * memory.of_unit_step(x, tolerances).powf(-1.0 / DEGREE as f64);
+        // What is not finite is for the driver to see, in a step of its own choice.
+        let halved = std::iter::successors(Some(longest), |h| Some(0.5 * h)).take(HALVINGS);
+        let mut halved = halved.filter(|h| memory.bodies.iter().all(|series| series.holds_to(*h)));
+        Ok(halved.next().filter(|h| !h.is_nan()))
+    }
+}
+
+/// The polynomials of a step.
+struct TaylorCurve<Q: Configuration> {
+    t: f64,
+    start: State<Q>,
+    bodies: Vec<BodySeries>,
+}
+
+impl<Q: Poses> Interpolant<Q> for TaylorCurve<Q> {
+    fn evaluate(&self, t: f64, out: &mut State<Q>) {
+        out.assign(&self.start);
+        move_bodies(&self.bodies, t - self.t, out);
+    }
+}
