@@ -66,7 +66,10 @@ def test_scheduled_torque(body: RigidBody, state: State) -> None:
         np.testing.assert_allclose(of_body, state.orientation.apply(expected), atol=1e-14)
     for wrong, message in (
         (lambda: forces.ScheduledTorque([0.0, 0.0], [(0, 0, 0)] * 2), "`times` must be increasing"),
-        (lambda: forces.ScheduledTorque([0.0], [(0, 0)]), r"`torques` must be real numbers of shape \(1, 3\), found shape \(1, 2\)"),
+        (
+            lambda: forces.ScheduledTorque([0.0], [(0, 0)]),
+            r"`torques` must be real numbers of shape \(1, 3\)",
+        ),
         (lambda: forces.ScheduledTorque([], np.zeros((0, 3))), "`times` must"),
         (lambda: forces.ScheduledTorque([0.0], [(0, 0, np.inf)]), "`torques` must be finite"),
         (lambda: forces.ScheduledTorque([0.0], [(0, 0, 1)], frame="x"), "`frame` must be 'world' or 'body'"),  # type: ignore[arg-type]

@@ -286,8 +286,6 @@ impl CollinearForce {
 #[derive(Debug, Clone, Default)]
 struct Equations {
     inverse_mass: f64,
-    /// Of I⁻¹.
-    columns: [Entry; 3],
     is_diagonal: bool,
     force: Entry,
     torque: Entry,
@@ -313,10 +311,8 @@ impl Equations {
     }
 
     fn read(&mut self, body: &RigidBody, terms: &[WrenchTerm]) {
-        let inverse = body.inertia().inverse();
         *self = Self {
             inverse_mass: 1.0 / body.mass(),
-            columns: columns(inverse),
             is_diagonal: body.inertia().is_diagonal(),
             ..Self::default()
         };
@@ -375,16 +371,24 @@ impl Equations {
     }
 }
 
+/// The motion of one body as polynomials of the time since their start.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct BodyMotion {
+    position: Row,
+    velocity: Row,
+    orientation: Row,
+    momentum: Row,
+    /// Of I⁻¹.
+    columns: [Entry; 3],
+}
+
 /// The series of one body from a state, under a sum of terms.
 #[derive(Debug, Clone)]
 pub(crate) struct BodySeries {
     /// What the coefficients belong to.
     of: Option<(RigidBody, RigidBodyState, Vec<WrenchTerm>)>,
     equations: Equations,
-    position: Row,
-    velocity: Row,
-    orientation: Row,
-    momentum: Row,
+    motion: BodyMotion,
     /// ω in body axes, each component in all of an entry; falling degrees.
     spin: [Falling; 3],
     /// The directions of the equations in body axes, and (k+1) times the coefficient found last.
@@ -399,10 +403,13 @@ impl BodySeries {
         Self {
             of: None,
             equations: Equations::default(),
-            position: ZERO,
-            velocity: ZERO,
-            orientation: ZERO,
-            momentum: ZERO,
+            motion: BodyMotion {
+                position: ZERO,
+                velocity: ZERO,
+                orientation: ZERO,
+                momentum: ZERO,
+                columns: [[0.0; 4]; 3],
+            },
             spin: [FALLING; 3],
             directions: Vec::new(),
             pushes: Vec::new(),
@@ -425,6 +432,7 @@ impl BodySeries {
             Some((_, start, _)) if has_body => *start = *x,
             of => {
                 self.equations.read(body, terms);
+                self.motion.columns = columns(body.inertia().inverse());
                 self.directions.resize(self.equations.directions.len(), (ZERO, [0.0; 4]));
                 self.pushes.resize(self.equations.planes.len(), FALLING);
                 *of = Some((*body, *x, terms.to_vec()));
@@ -432,10 +440,10 @@ impl BodySeries {
         }
         let turn = x.orientation().inverse();
         let spin = turn * x.angular_velocity();
-        self.position[0] = entry(x.position());
-        self.velocity[0] = entry(x.velocity());
-        self.orientation[0] = x.orientation().coords.into();
-        self.momentum[0] = entry(&body.inertia().momentum(&spin));
+        self.motion.position[0] = entry(x.position());
+        self.motion.velocity[0] = entry(x.velocity());
+        self.motion.orientation[0] = x.orientation().coords.into();
+        self.motion.momentum[0] = entry(&body.inertia().momentum(&spin));
         for (row, component) in self.spin.iter_mut().zip(spin.iter()) {
             row[DEGREE] = [*component; 4];
         }
@@ -451,33 +459,9 @@ impl BodySeries {
         self.equations.collinear.iter().all(|force| force.holds_to(h))
     }
 
-    /// Pose and twist after h, world axes.
-    pub(crate) fn at(&self, h: f64) -> (Pose, Twist) {
-        let [position, velocity, orientation, momentum] = run_on_quads(Sums { series: self, h });
-        let orientation = UnitQuaternion::new_normalize(Quaternion::from(Vector4::from(orientation)));
-        let spin = self.velocity_of(&momentum);
-        let twist = Twist { linear: vector(&velocity), angular: orientation * spin };
-        (Pose { position: vector(&position), orientation }, twist)
-    }
-
-    /// The terms of the highest degree of a step of 1: of position and orientation, and of the velocities, each of the length that it has
-    /// in any axes.
-    pub(crate) fn last_terms(&self) -> [Twist; 2] {
-        // A change of a unit quaternion is half the angle.
-        let half_angle = Vector4::from(self.orientation[DEGREE]).norm();
-        [
-            Twist { linear: vector(&self.position[DEGREE]), angular: Vector3::x() * (2.0 * half_angle) },
-            Twist {
-                linear: vector(&self.velocity[DEGREE]),
-                angular: self.velocity_of(&self.momentum[DEGREE]),
-            },
-        ]
-    }
-
-    /// I⁻¹ L.
-    fn velocity_of(&self, momentum: &Entry) -> Vector3<f64> {
-        let [x, y, z] = self.equations.columns.each_ref().map(vector);
-        x * momentum[0] + y * momentum[1] + z * momentum[2]
+    /// The motion.
+    pub(crate) fn motion(&self) -> &BodyMotion {
+        &self.motion
     }
 
     /// The coefficients of degree k of a vector of the body in world axes.
@@ -490,7 +474,7 @@ impl BodySeries {
     /// The coefficients of degree k of the collinear forces and their torques, from those of velocity up to degree k, and of position
     /// and directions up to degree k + 1.
     fn collinear_wrench(&mut self, k: usize) -> [Entry; 2] {
-        let Self { equations, position, velocity, directions, .. } = self;
+        let Self { equations, motion: BodyMotion { position, velocity, .. }, directions, .. } = self;
         let axes = equations.axes;
         let [mut sum, mut torque] = [Vector3::zeros(); 2];
         for force in &mut equations.collinear {
@@ -520,6 +504,37 @@ impl BodySeries {
             }
         }
         [entry(&sum), entry(&torque)]
+    }
+}
+
+impl BodyMotion {
+    /// Pose and twist after h, world axes.
+    pub(crate) fn at(&self, h: f64) -> (Pose, Twist) {
+        let [position, velocity, orientation, momentum] = run_on_quads(Sums { motion: self, h });
+        let orientation = UnitQuaternion::new_normalize(Quaternion::from(Vector4::from(orientation)));
+        let spin = self.velocity_of(&momentum);
+        let twist = Twist { linear: vector(&velocity), angular: orientation * spin };
+        (Pose { position: vector(&position), orientation }, twist)
+    }
+
+    /// The terms of the highest degree of a step of 1: of position and orientation, and of the velocities, each of the length that it has
+    /// in any axes.
+    pub(crate) fn last_terms(&self) -> [Twist; 2] {
+        // A change of a unit quaternion is half the angle.
+        let half_angle = Vector4::from(self.orientation[DEGREE]).norm();
+        [
+            Twist { linear: vector(&self.position[DEGREE]), angular: Vector3::x() * (2.0 * half_angle) },
+            Twist {
+                linear: vector(&self.velocity[DEGREE]),
+                angular: self.velocity_of(&self.momentum[DEGREE]),
+            },
+        ]
+    }
+
+    /// I⁻¹ L.
+    fn velocity_of(&self, momentum: &Entry) -> Vector3<f64> {
+        let [x, y, z] = self.columns.each_ref().map(vector);
+        x * momentum[0] + y * momentum[1] + z * momentum[2]
     }
 }
 
@@ -627,13 +642,15 @@ impl QuadKernel for Expansion<'_> {
     #[inline(always)]
     fn run<Q: Quad>(self, q: Q) {
         let Self { series, spin } = self;
-        let Equations { inverse_mass, is_diagonal, columns: inertia, .. } = series.equations;
+        let Equations { inverse_mass, is_diagonal, .. } = series.equations;
+        let inertia = series.motion.columns;
         let has_collinear = !series.equations.collinear.is_empty();
         let moments = q.load(&[inertia[0][0], inertia[1][1], inertia[2][2], 0.0]);
         // Of degree k.
         let mut spin = q.load(&spin);
         let mut components = spread(q, spin);
-        let (mut orientation, mut momentum) = (q.load(&series.orientation[0]), q.load(&series.momentum[0]));
+        let (mut orientation, mut momentum) =
+            (q.load(&series.motion.orientation[0]), q.load(&series.motion.momentum[0]));
         let mut direction = match series.directions.first() {
             Some((row, _)) => q.load(&row[0]),
             None => q.splat(0.0),
@@ -644,7 +661,7 @@ impl QuadKernel for Expansion<'_> {
             let (turned, gyroscopic);
             if let Some((first, others)) = series.directions.split_first_mut() {
                 sums_with_spin!(q, &series.spin, components, k;
-                    series.orientation, orientation => a, series.momentum, momentum => b, first.0, direction => c);
+                    series.motion.orientation, orientation => a, series.motion.momentum, momentum => b, first.0, direction => c);
                 (turned, gyroscopic) = (a, b);
                 q.store(c, &mut first.1);
                 direction = q.mul(c, of_vector);
@@ -656,13 +673,14 @@ impl QuadKernel for Expansion<'_> {
                 }
             } else {
                 sums_with_spin!(q, &series.spin, components, k;
-                    series.orientation, orientation => a, series.momentum, momentum => b);
+                    series.motion.orientation, orientation => a, series.motion.momentum, momentum => b);
                 (turned, gyroscopic) = (a, b);
             }
             orientation = q.mul(turned, q.splat(0.5 * quotient));
-            q.store(orientation, &mut series.orientation[k + 1]);
-            let (position, velocity) = (q.load(&series.position[k]), q.load(&series.velocity[k]));
-            q.store(q.mul(velocity, of_vector), &mut series.position[k + 1]);
+            q.store(orientation, &mut series.motion.orientation[k + 1]);
+            let (position, velocity) =
+                (q.load(&series.motion.position[k]), q.load(&series.motion.velocity[k]));
+            q.store(q.mul(velocity, of_vector), &mut series.motion.position[k + 1]);
 
             let equations = &series.equations;
             let (mut force, mut torque) = (q.splat(0.0), gyroscopic);
@@ -721,9 +739,9 @@ impl QuadKernel for Expansion<'_> {
             }
 
             momentum = q.mul(torque, of_vector);
-            q.store(momentum, &mut series.momentum[k + 1]);
+            q.store(momentum, &mut series.motion.momentum[k + 1]);
             let inverse = inverse_mass * quotient;
-            q.store(q.mul(force, q.splat(inverse)), &mut series.velocity[k + 1]);
+            q.store(q.mul(force, q.splat(inverse)), &mut series.motion.velocity[k + 1]);
             spin = if is_diagonal {
                 q.mul(torque, q.mul(moments, of_vector))
             } else {
@@ -739,7 +757,7 @@ impl QuadKernel for Expansion<'_> {
 
 /// Position, velocity, orientation and angular momentum after h.
 struct Sums<'a> {
-    series: &'a BodySeries,
+    motion: &'a BodyMotion,
     h: f64,
 }
 
@@ -748,15 +766,15 @@ impl QuadKernel for Sums<'_> {
 
     #[inline(always)]
     fn run<Q: Quad>(self, q: Q) -> [Entry; 4] {
-        let Self { series, h } = self;
+        let Self { motion, h } = self;
         let h = q.splat(h);
         let (mut position, mut velocity) = (q.splat(0.0), q.splat(0.0));
         let (mut orientation, mut momentum) = (q.splat(0.0), q.splat(0.0));
         for k in (0..=DEGREE).rev() {
-            position = q.mul_add(position, h, q.load(&series.position[k]));
-            velocity = q.mul_add(velocity, h, q.load(&series.velocity[k]));
-            orientation = q.mul_add(orientation, h, q.load(&series.orientation[k]));
-            momentum = q.mul_add(momentum, h, q.load(&series.momentum[k]));
+            position = q.mul_add(position, h, q.load(&motion.position[k]));
+            velocity = q.mul_add(velocity, h, q.load(&motion.velocity[k]));
+            orientation = q.mul_add(orientation, h, q.load(&motion.orientation[k]));
+            momentum = q.mul_add(momentum, h, q.load(&motion.momentum[k]));
         }
         let mut sums = [[0.0; 4]; 4];
         q.store(position, &mut sums[0]);

@@ -4,10 +4,10 @@
 //! [`series`](crate::series): position and velocity in world axes, angular momentum in body axes, and the orientation as a
 //! quaternion, which is scaled to length 1 at the end.
 //!
-//! Order 16 on ℝ³ and on SO(3); the terms of highest degree, of positions and of
-//! velocities, are the estimate of the error: the last two coefficients of the velocity. From them the longest step is known before it is made. The same polynomial is the dense output, at
-//! the order of the step, and a step that is rejected or made again shorter costs its evaluation only. 1 evaluation, which gives
-//! all derivatives; no start-up. Conserves nothing exactly.
+//! Order 16 on ℝ³ and on SO(3). The terms of highest degree, of positions and of velocities, are the estimate of the error: the last two
+//! coefficients of the velocity. From them the longest step is known before it is made. The same polynomial is the dense output, at the
+//! order of the step, and a step that is made again shorter costs its evaluation only. 1 evaluation, which gives all derivatives; no
+//! start-up. Conserves nothing exactly.
 //!
 //! For small tolerances, 1e-9 and below, under forces that have series: a sum of [`WrenchTerm`](crate::series::WrenchTerm)s, as
 //! [`ForceModel::add_terms`](crate::force::ForceModel::add_terms) gives it. Others are refused with [`StepError::NoSeries`]. Where the way to a
@@ -20,7 +20,7 @@
 //! The degree is fixed, where the source chooses it by the tolerance.
 
 use crate::dense::Interpolant;
-use crate::series::{BodySeries, DEGREE, WrenchTerm};
+use crate::series::{BodyMotion, BodySeries, DEGREE, WrenchTerm};
 use crate::state::{Configuration, Poses, Rate, RigidBodyState, State, Tolerances};
 use crate::stepper::{EmbeddedStepper, MethodInfo, Scheme, Scope, StepError, Stepper, weighed_error};
 use crate::system::{RateOf, RigidSystem, StateOf, System};
@@ -64,9 +64,9 @@ fn body_state<Q: Poses>(x: &State<Q>, i: usize) -> RigidBodyState {
 }
 
 /// Moves the bodies, which are in the state at the start, along their series.
-fn move_bodies<Q: Poses>(bodies: &[BodySeries], h: f64, x: &mut State<Q>) {
-    for (i, series) in bodies.iter().enumerate() {
-        let (pose, twist) = series.at(h);
+fn move_bodies<'a, Q: Poses>(bodies: impl Iterator<Item = &'a BodyMotion>, h: f64, x: &mut State<Q>) {
+    for (i, motion) in bodies.enumerate() {
+        let (pose, twist) = motion.at(h);
         x.configuration.set_pose(i, pose);
         Q::set_twist(&mut x.rate, i, twist);
     }
@@ -87,7 +87,7 @@ impl<S: RigidSystem> TaylorMemory<S> {
         of_configuration.set_zero();
         of_rate.set_zero();
         for (i, series) in self.bodies.iter().enumerate() {
-            let [displacement, change] = series.last_terms();
+            let [displacement, change] = series.motion().last_terms();
             S::Configuration::set_twist(of_configuration, i, displacement);
             S::Configuration::set_twist(of_rate, i, change);
         }
@@ -135,7 +135,7 @@ impl<S: RigidSystem> Stepper<S> for TaylorSeries {
             return Err(StepError::StepTooLarge { method: Self::INFO.name, t, h });
         }
         out.assign(x);
-        move_bodies(&memory.bodies, h, out);
+        move_bodies(memory.bodies.iter().map(BodySeries::motion), h, out);
         Ok(())
     }
 
@@ -148,7 +148,11 @@ impl<S: RigidSystem> Stepper<S> for TaylorSeries {
         memory: &mut Self::Memory,
         _: &StateOf<S>,
     ) -> Box<dyn Interpolant<S::Configuration>> {
-        Box::new(TaylorCurve { t, start: x.clone(), bodies: memory.bodies.clone() })
+        Box::new(TaylorCurve {
+            t,
+            start: x.clone(),
+            bodies: memory.bodies.iter().map(|series| *series.motion()).collect(),
+        })
     }
 }
 
@@ -185,12 +189,12 @@ impl<S: RigidSystem> EmbeddedStepper<S> for TaylorSeries {
 struct TaylorCurve<Q: Configuration> {
     t: f64,
     start: State<Q>,
-    bodies: Vec<BodySeries>,
+    bodies: Vec<BodyMotion>,
 }
 
 impl<Q: Poses> Interpolant<Q> for TaylorCurve<Q> {
     fn evaluate(&self, t: f64, out: &mut State<Q>) {
         out.assign(&self.start);
-        move_bodies(&self.bodies, t - self.t, out);
+        move_bodies(self.bodies.iter(), t - self.t, out);
     }
 }

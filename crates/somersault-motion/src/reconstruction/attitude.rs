@@ -123,8 +123,16 @@ impl Flown<'_> {
         i: usize,
     ) -> Result<&'r Rate, DynamicsError> {
         self.pose(estimate, t, orientation, room);
-        let Room { data, q, v, channels, rates } = room;
-        let found = flight.derivatives(data, q, v)?;
+        let Room { data, q, v, .. } = &mut *room;
+        flight.set_shape(data, q, v)?;
+        flight.set_directions(data);
+        Ok(self.rate_of_shape(flight, room, i))
+    }
+
+    /// The same of the shape that was set last, in the orientation that the configuration has.
+    fn rate_of_shape<'r>(&self, flight: &Flight<'_>, room: &'r mut Room, i: usize) -> &'r Rate {
+        let Room { data, q, channels, rates, .. } = room;
+        let found = flight.derivatives_of_shape(data, q);
         let rate = &mut rates[i];
         rate.angular_velocity = found.angular_velocity;
         rate.by_orientation = found.by_orientation;
@@ -132,7 +140,7 @@ impl Flown<'_> {
         rate.by_channel.copy_from_slice(found.by_shape);
         rate.by_channel_rate.copy_from_slice(found.by_shape_velocity);
         self.splines.by_channels(channels, &mut rate.by_channel, &mut rate.by_channel_rate);
-        Ok(rate)
+        rate
     }
 
     /// The orientations at `times`, of which number `reference` has that of the estimate, and their derivatives where they are wanted, by the
@@ -186,9 +194,25 @@ impl Flown<'_> {
     ) -> Result<(), ReconstructionError> {
         let mut derivative = StepDerivative::zero();
         let stage = |i: usize, orientation: &UnitQuaternion<f64>| {
-            let rate = self.rate(flight, estimate, t + h * NODES[i], orientation, room, i)?;
-            let Rate { angular_velocity, by_orientation, .. } = *rate;
-            Ok::<_, DynamicsError>(StageRate { angular_velocity, by_orientation })
+            // The two stages in the middle have one shape.
+            if i > 0 && NODES[i] == NODES[i - 1] {
+                write_orientation(self.layout.is_planar, orientation, &mut room.q);
+            } else {
+                self.pose(estimate, t + h * NODES[i], orientation, room);
+                flight.set_shape(&mut room.data, &room.q, &room.v)?;
+                if knots.is_some() {
+                    flight.set_directions(&mut room.data);
+                }
+            }
+            if knots.is_none() {
+                let angular_velocity = flight.angular_velocity_of_shape(&room.data, &room.q);
+                return Ok::<_, DynamicsError>(StageRate {
+                    angular_velocity,
+                    by_orientation: Matrix3::zeros(),
+                });
+            }
+            let Rate { angular_velocity, by_orientation, .. } = *self.rate_of_shape(flight, room, i);
+            Ok(StageRate { angular_velocity, by_orientation })
         };
         current.orientation =
             turn(&current.orientation, h, stage, knots.is_some().then_some(&mut derivative))?;
