@@ -12,7 +12,7 @@
 //! made together. What forces may be is a [`WrenchTerm`]; a [force model](crate::force::ForceModel) says of which terms it is
 //! the sum.
 //!
-//! A force of your own has a series where it is a sum of terms:
+//! A user-defined force has a series where it is a sum of terms:
 //!
 //! ```
 //! use somersault_integrators::body::RigidBody;
