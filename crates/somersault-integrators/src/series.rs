@@ -139,6 +139,9 @@ impl WrenchTerm {
     }
 }
 
+/// Below 1 by what keeps a step off the edge of the disc in which the series of a length converges.
+const MARGIN: f64 = 0.75;
+
 /// Three or four numbers; of three, the fourth is zero.
 type Entry = [f64; 4];
 
@@ -269,16 +272,13 @@ impl CollinearForce {
         self.pull(degree)
     }
 
-    /// Whether s is not zero up to h: no term of |s|² is less before than at h or at the start.
+    /// Whether s is zero at no time within h of the start, complex ones included, so that the series of |s|ᵖ converges there: all other
+    /// terms of |s|² together are less than [`MARGIN`] times that of degree 0.
     fn holds_to(&self, h: f64) -> bool {
         let Some((first, others)) = self.squares[..self.known].split_first() else { return true };
-        let (mut least, mut power) = (*first, 1.0);
-        for c in others {
-            power *= h;
-            least += (c * power).min(0.0);
-        }
+        let sum = others.iter().rfold(0.0, |sum, c| (sum + c.abs()) * h);
         // what is not finite is for the driver to see
-        self.power == 0.0 || (*first != 0.0 && (least > 0.0 || least.is_nan()))
+        self.power == 0.0 || (*first != 0.0 && (sum < MARGIN * first || sum.is_nan()))
     }
 }
 
@@ -454,7 +454,7 @@ impl BodySeries {
         true
     }
 
-    /// Whether the series may be used up to h: no centre of a force is reached on the way, and no rest under quadratic drag.
+    /// Whether the series may be used up to h: they converge, with no centre of a force near the way, and no rest under quadratic drag.
     pub(crate) fn holds_to(&self, h: f64) -> bool {
         self.equations.collinear.iter().all(|force| force.holds_to(h))
     }
@@ -517,27 +517,30 @@ impl BodyMotion {
         (Pose { position: vector(&position), orientation }, twist)
     }
 
-    /// The terms of the highest degree of a step of 1: of position and orientation, and of the velocities, each of the length that it has
-    /// in any axes.
-    pub(crate) fn last_terms(&self) -> [Twist; 2] {
+    /// The terms of a degree of a step of 1: of position and orientation, and of the velocities, each of the length that it has in any
+    /// axes.
+    #[inline(always)]
+    pub(crate) fn terms(&self, degree: usize) -> [Twist; 2] {
         // A change of a unit quaternion is half the angle.
-        let half_angle = Vector4::from(self.orientation[DEGREE]).norm();
+        let half_angle = Vector4::from(self.orientation[degree]).norm();
         [
-            Twist { linear: vector(&self.position[DEGREE]), angular: Vector3::x() * (2.0 * half_angle) },
+            Twist { linear: vector(&self.position[degree]), angular: Vector3::x() * (2.0 * half_angle) },
             Twist {
-                linear: vector(&self.velocity[DEGREE]),
-                angular: self.velocity_of(&self.momentum[DEGREE]),
+                linear: vector(&self.velocity[degree]),
+                angular: self.velocity_of(&self.momentum[degree]),
             },
         ]
     }
 
     /// I⁻¹ L.
+    #[inline(always)]
     fn velocity_of(&self, momentum: &Entry) -> Vector3<f64> {
         let [x, y, z] = self.columns.each_ref().map(vector);
         x * momentum[0] + y * momentum[1] + z * momentum[2]
     }
 }
 
+#[inline(always)]
 fn vector(entry: &Entry) -> Vector3<f64> {
     Vector3::new(entry[0], entry[1], entry[2])
 }

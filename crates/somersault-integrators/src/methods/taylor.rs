@@ -4,15 +4,16 @@
 //! [`series`](crate::series): position and velocity in world axes, angular momentum in body axes, and the orientation as a
 //! quaternion, which is scaled to length 1 at the end.
 //!
-//! Order 16 on ℝ³ and on SO(3). The terms of highest degree, of positions and of velocities, are the estimate of the error: the last two
-//! coefficients of the velocity. From them the longest step is known before it is made. The same polynomial is the dense output, at the
-//! order of the step, and a step that is made again shorter costs its evaluation only. 1 evaluation, which gives all derivatives; no
-//! start-up. Conserves nothing exactly.
+//! Order 16 on ℝ³ and on SO(3). The terms of the four highest degrees, of positions and of velocities, are the estimate of the error: a
+//! term of degree 16 that is small by chance counts by a tenth of that of degree 15, and so on. From them the longest step is known
+//! before it is made. The same polynomial is the dense output, at the order of the step, and a step that is made again shorter costs its
+//! evaluation only. 1 evaluation, which gives all derivatives; no start-up. Conserves nothing exactly.
 //!
 //! For small tolerances, 1e-9 and below, under forces that have series: a sum of [`WrenchTerm`](crate::series::WrenchTerm)s, as
 //! [`ForceModel::add_terms`](crate::force::ForceModel::add_terms) gives it. Others are refused with [`StepError::NoSeries`]. Where the way to a
-//! centre of force, or the velocity under quadratic drag, may vanish within a step, this is refused with [`StepError::StepTooLarge`]: behind zero
-//! a series has the wrong sign of the length. So a run ends where a body is thrown exactly through the anchor of a spring.
+//! centre of force, or the velocity under quadratic drag, may vanish within a step or at a complex time that near, this is refused with
+//! [`StepError::StepTooLarge`]: the series of a length converges up to its nearest zero, and behind zero has the wrong sign. So a run ends
+//! where a body is thrown exactly through the anchor of a spring.
 //!
 //! À. Jorba and M. Zou, Experimental Mathematics 14 (2005) 99.
 //!
@@ -21,7 +22,7 @@
 
 use crate::dense::Interpolant;
 use crate::series::{BodyMotion, BodySeries, DEGREE, WrenchTerm};
-use crate::state::{Configuration, Poses, Rate, RigidBodyState, State, Tolerances};
+use crate::state::{Configuration, Poses, RigidBodyState, State, Tolerances};
 use crate::stepper::{EmbeddedStepper, MethodInfo, Scheme, Scope, StepError, Stepper, weighed_error};
 use crate::system::{RateOf, RigidSystem, StateOf, System};
 
@@ -54,8 +55,8 @@ pub struct TaylorMemory<S: System> {
     bodies: Vec<BodySeries>,
     terms: Vec<WrenchTerm>,
     errors: [RateOf<S>; 2],
-    /// The error of a step of 1 from there, weighed by these tolerances, once it is known: that of h is h¹⁶ times it.
-    of_unit_step: Option<(Tolerances, f64)>,
+    /// The errors of a step of 1 from there by these tolerances, once they are known.
+    of_unit_step: Option<(Tolerances, [f64; RATIOS.len()])>,
 }
 
 /// State of body `i`.
@@ -74,26 +75,34 @@ fn move_bodies<'a, Q: Poses>(bodies: impl Iterator<Item = &'a BodyMotion>, h: f6
 
 /// Of the step that is chosen, for an error of SAFETY¹⁶ = 0.44 of the tolerances.
 const SAFETY: f64 = 0.95;
-/// How often it is halved at most where it may reach the centre of a force.
+/// What the term of the highest degree is at least, in parts of the term of that degree and of those before it. Single coefficients
+/// vanish, all of one parity in a motion from rest and others by chance where a singularity is near; then those before them tell the
+/// error.
+const RATIOS: [f64; 4] = [1.0, 1e-1, 1e-2, 1e-3];
+/// The degrees of these.
+const DEGREES: [i32; RATIOS.len()] =
+    [DEGREE as i32, DEGREE as i32 - 1, DEGREE as i32 - 2, DEGREE as i32 - 3];
+/// How often it is halved at most where a series may not converge.
 const HALVINGS: usize = 30;
 
 impl<S: RigidSystem> TaylorMemory<S> {
-    /// The terms of highest degree of a step of 1 from x, where the series begin, weighed by the tolerances.
-    fn of_unit_step(&mut self, x: &StateOf<S>, tolerances: &Tolerances) -> f64 {
-        if let Some((_, error)) = self.of_unit_step.filter(|(known, _)| known == tolerances) {
-            return error;
+    /// The errors of a step of 1 from x, where the series begin, by the terms of each of the [`DEGREES`].
+    fn of_unit_step(&mut self, x: &StateOf<S>, tolerances: &Tolerances) -> [f64; RATIOS.len()] {
+        if let Some((_, errors)) = self.of_unit_step.filter(|(known, _)| known == tolerances) {
+            return errors;
         }
-        let [of_configuration, of_rate] = &mut self.errors;
-        of_configuration.set_zero();
-        of_rate.set_zero();
-        for (i, series) in self.bodies.iter().enumerate() {
-            let [displacement, change] = series.motion().last_terms();
-            S::Configuration::set_twist(of_configuration, i, displacement);
-            S::Configuration::set_twist(of_rate, i, change);
+        let mut errors = RATIOS;
+        for (error, degree) in errors.iter_mut().zip(DEGREES) {
+            let [of_configuration, of_rate] = &mut self.errors;
+            for (i, series) in self.bodies.iter().enumerate() {
+                let [displacement, change] = series.motion().terms(degree as usize);
+                S::Configuration::set_twist(of_configuration, i, displacement);
+                S::Configuration::set_twist(of_rate, i, change);
+            }
+            *error *= weighed_error(x, x, of_configuration, of_rate, tolerances);
         }
-        let error = weighed_error(x, x, of_configuration, of_rate, tolerances);
-        self.of_unit_step = Some((*tolerances, error));
-        error
+        self.of_unit_step = Some((*tolerances, errors));
+        errors
     }
 
     fn expand(&mut self, system: &S, x: &StateOf<S>) -> Result<(), StepError> {
@@ -165,10 +174,11 @@ impl<S: RigidSystem> EmbeddedStepper<S> for TaylorSeries {
         memory: &mut Self::Memory,
         tolerances: &Tolerances,
     ) -> f64 {
-        memory.of_unit_step(x, tolerances) * h.powi(DEGREE as i32)
+        let of_unit_step = memory.of_unit_step(x, tolerances).into_iter().zip(DEGREES);
+        of_unit_step.map(|(error, degree)| error * h.powi(degree)).fold(0.0, f64::max)
     }
 
-    /// From the terms of highest degree, which grow by the power 16 of the step.
+    /// From the terms of highest degree, which grow by powers of the step.
     fn longest_step(
         &self,
         system: &S,
@@ -177,7 +187,13 @@ impl<S: RigidSystem> EmbeddedStepper<S> for TaylorSeries {
         tolerances: &Tolerances,
     ) -> Result<Option<f64>, StepError> {
         memory.expand(system, x)?;
-        let longest = SAFETY * memory.of_unit_step(x, tolerances).powf(-1.0 / DEGREE as f64);
+        let mut longest = f64::INFINITY;
+        for (error, degree) in memory.of_unit_step(x, tolerances).into_iter().zip(DEGREES) {
+            if longest.is_infinite() || error * longest.powi(degree) > 1.0 {
+                longest = error.powf(-1.0 / f64::from(degree));
+            }
+        }
+        longest *= SAFETY;
         // What is not finite is for the driver to see, in a step of its own choice.
         let halved = std::iter::successors(Some(longest), |h| Some(0.5 * h)).take(HALVINGS);
         let mut halved = halved.filter(|h| memory.bodies.iter().all(|series| series.holds_to(*h)));
