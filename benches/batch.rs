@@ -6,9 +6,10 @@
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use nalgebra::{UnitQuaternion, Vector3};
 use rayon::ThreadPoolBuilder;
-use somersault_integrators::batch::{FreeBodyBatch, FreeRuns, InstructionSet, Runs};
+use somersault_integrators::batch::{ForcedRuns, FreeBodyBatch, FreeRuns, InstructionSet, Runs};
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::TimeGrid;
+use somersault_integrators::force::{BoxedForce, Drag, ForceModel, Gravity, Spring};
 use somersault_integrators::methods::Method;
 use somersault_integrators::state::RigidBodyState;
 use somersault_integrators::system::RigidBodySystem;
@@ -66,6 +67,45 @@ fn rigid_bodies(c: &mut Criterion) {
     }
 }
 
+/// The same under gravity, drag and a damped spring at a corner: in lanes, and one at a time on each core.
+fn forced_bodies(c: &mut Criterion) {
+    let side = |i: usize| 1.0 + 0.3 * (i as f64).sin();
+    let bodies: Vec<_> =
+        (0..BODIES).map(|i| RigidBody::try_box(1.0, Vector3::new(1.0, 2.0, side(i))).unwrap()).collect();
+    let states: Vec<_> =
+        (0..BODIES).map(|i| RigidBodyState::spinning(Vector3::new(1.0, side(i), 0.5))).collect();
+    let grids = vec![TimeGrid::try_with_steps(0.0, 1.0, 100).unwrap(); BODIES];
+    let spring = Spring {
+        anchor: Vector3::new(0.0, 0.0, 3.0),
+        attachment: Vector3::new(0.5, 1.0, 0.5),
+        stiffness: 20.0,
+        damping: 0.3,
+        rest_length: 1.0,
+    };
+    let drag = Drag { linear: 0.1, quadratic: 0.05, angular: 0.02 };
+    let forces = || -> Vec<BoxedForce> { vec![Box::new(Gravity::earth()), Box::new(drag), Box::new(spring)] };
+    let systems: Vec<_> = bodies.iter().map(|body| RigidBodySystem::new(*body, forces())).collect();
+    let terms_of = |body: &RigidBody| {
+        let mut terms = Vec::new();
+        assert!(forces().add_terms(body, &mut terms));
+        terms
+    };
+    let terms: Vec<_> = bodies.iter().map(terms_of).collect();
+    let mut group = c.benchmark_group("batch of 10000 forced bodies, 100 steps");
+    group.throughput(Throughput::Elements(BODIES as u64 * 100));
+    for threads in [1, 2] {
+        let pool = ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        group.bench_function(BenchmarkId::new("in lanes", threads), |b| {
+            b.iter(|| {
+                pool.install(|| ForcedRuns::try_new(&bodies, &grids, &terms).unwrap().from(&states).unwrap())
+            });
+        });
+        group.bench_function(BenchmarkId::new("rkmk_b one at a time", threads), |b| {
+            b.iter(|| pool.install(|| Runs::new(&systems, Method::RkmkB, &grids).from(&states).unwrap()));
+        });
+    }
+}
+
 /// Rounds of the loops that measure the peak; each has as many independent sums as hide the latency.
 #[cfg(target_arch = "x86_64")]
 const ROUNDS: u64 = 100_000;
@@ -117,6 +157,6 @@ fn arithmetic_peak(_: &mut Criterion) {}
 criterion_group! {
     name = benches;
     config = Criterion::default().sample_size(10).warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(2));
-    targets = arithmetic_peak, steps_per_second, rigid_bodies
+    targets = arithmetic_peak, steps_per_second, rigid_bodies, forced_bodies
 }
 criterion_main!(benches);

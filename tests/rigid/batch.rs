@@ -1,20 +1,22 @@
-//! Batches of free bodies: the method, the vector instructions and the threads.
+//! Batches of bodies, free and under forces: the method, the vector instructions and the threads.
 
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use rayon::ThreadPoolBuilder;
 use somersault_core::cancel::CancellationToken;
 use somersault_core::{Inertia, lie::so3};
-use somersault_integrators::batch::{BatchError, FreeBodyBatch, FreeRuns, InstructionSet, Runs};
+use somersault_integrators::batch::{BatchError, ForcedRuns, FreeBodyBatch, FreeRuns, InstructionSet, Runs};
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{IntegrateError, TimeGrid};
 use somersault_integrators::exact::FreeBody;
-use somersault_integrators::force::{ForceModel, Gravity, Spring};
+use somersault_integrators::force::{ForceModel, Gravity, Spring, Wrench};
 use somersault_integrators::methods::Method;
 use somersault_integrators::run::Run;
+use somersault_integrators::series::WrenchTerm;
 use somersault_integrators::solution::Recorder;
 use somersault_integrators::state::RigidBodyState;
 use somersault_integrators::system::RigidBodySystem;
 use somersault_testkit::problems::under;
+use somersault_testkit::trees::Random;
 use std::f64::consts::FRAC_PI_2;
 
 /// Numbers spread over (−1, 1), the same in every run.
@@ -415,4 +417,141 @@ fn long_runs_are_those_of_bodies_alone_and_end_when_they_are_cancelled() {
     token.cancel();
     let cancelled = FreeRuns::new(&bodies, &grids).advance(&mut states.clone(), &token);
     assert_eq!(cancelled, Err(BatchError::Cancelled));
+}
+
+/// A sum of terms, evaluated as their documentation says.
+#[derive(Clone)]
+struct SumOfTerms(Vec<WrenchTerm>);
+
+impl ForceModel for SumOfTerms {
+    fn wrench(&self, _: f64, _: &RigidBody, x: &RigidBodyState) -> Wrench {
+        let mut sum = Wrench::default();
+        let (r, v, q, omega) = (x.position(), x.velocity(), x.orientation(), x.angular_velocity());
+        for term in &self.0 {
+            let (force, torque) = match *term {
+                WrenchTerm::Force(force) => (force, Vector3::zeros()),
+                WrenchTerm::ForceAtPoint { force, point } => (force, (q * point).cross(&force)),
+                WrenchTerm::Thrust(force) => (q * force, Vector3::zeros()),
+                WrenchTerm::LinearForce { position, velocity } => {
+                    (position * r + velocity * v, Vector3::zeros())
+                }
+                WrenchTerm::CentralForce { centre, point, strength, power, is_damper } => {
+                    let arm = q * point;
+                    let way = r + arm - centre;
+                    let rate = if is_damper { way.dot(&(v + omega.cross(&arm))) } else { 1.0 };
+                    let force = way * (strength * way.norm().powf(power) * rate);
+                    (force, arm.cross(&force))
+                }
+                WrenchTerm::QuadraticDrag(c) => (v * (c * v.norm()), Vector3::zeros()),
+                WrenchTerm::Torque(torque) => (Vector3::zeros(), q * torque),
+                WrenchTerm::WorldTorque(torque) => (Vector3::zeros(), torque),
+                WrenchTerm::AngularDrag(c) => (Vector3::zeros(), omega * c),
+                WrenchTerm::Support { normal, offset, point, stiffness, damping } => {
+                    let arm = q * point;
+                    let (place, rate) = (r + arm, v + omega.cross(&arm));
+                    let force =
+                        normal * (stiffness * (offset - normal.dot(&place)) - damping * normal.dot(&rate));
+                    (force, arm.cross(&force))
+                }
+                _ => unreachable!("a term without a meaning here"),
+            };
+            sum.force += force;
+            sum.torque += torque;
+        }
+        sum
+    }
+}
+
+/// Up to five terms of any kind, with centres a few metres away.
+fn random_terms(random: &mut Random) -> Vec<WrenchTerm> {
+    let matrix = |random: &mut Random| Matrix3::from_fn(|_, _| random.within(-0.5, 0.5));
+    let term = |random: &mut Random| match random.below(10) {
+        0 => WrenchTerm::Force(random.vector(3.0)),
+        1 => WrenchTerm::ForceAtPoint { force: random.vector(2.0), point: random.vector(0.5) },
+        2 => WrenchTerm::Thrust(random.vector(2.0)),
+        3 => WrenchTerm::LinearForce { position: matrix(random), velocity: matrix(random) },
+        4 => WrenchTerm::QuadraticDrag(random.within(-0.3, 0.0)),
+        5 => WrenchTerm::Torque(random.vector(1.0)),
+        6 => WrenchTerm::WorldTorque(random.vector(1.0)),
+        7 => WrenchTerm::AngularDrag(random.within(-0.5, 0.0)),
+        8 => WrenchTerm::Support {
+            normal: random.rotation() * Vector3::z(),
+            offset: random.within(-1.0, 1.0),
+            point: random.vector(0.5),
+            stiffness: random.within(0.0, 5.0),
+            damping: random.within(0.0, 0.5),
+        },
+        _ => WrenchTerm::CentralForce {
+            centre: random.rotation() * Vector3::x() * 6.0,
+            point: random.vector(0.5) * random.below(2) as f64,
+            strength: random.within(-2.0, 0.0),
+            power: -(random.below(4) as f64),
+            is_damper: random.below(2) == 0,
+        },
+    };
+    (0..random.below(6)).map(|_| term(random)).collect()
+}
+
+/// Bodies in flight under terms of all kinds, some under none.
+fn forced_flight(n: usize) -> (Vec<RigidBody>, Vec<RigidBodyState>, Vec<TimeGrid>, Vec<Vec<WrenchTerm>>) {
+    let (bodies, states, grids) = flight(n);
+    let mut random = Random::new(5);
+    let terms = (0..n).map(|_| random_terms(&mut random)).collect();
+    (bodies, states, grids, terms)
+}
+
+#[test]
+fn forced_bodies_agree_with_rkmk_b_to_rounding() {
+    let (bodies, states, grids, terms) = forced_flight(300);
+    let system = |(body, terms): (&RigidBody, &Vec<WrenchTerm>)| under(*body, SumOfTerms(terms.clone()));
+    let systems: Vec<_> = bodies.iter().zip(&terms).map(system).collect();
+    let outcomes = Runs::new(&systems, Method::RkmkB, &grids).from(&states).unwrap();
+    let ends = ForcedRuns::try_new(&bodies, &grids, &terms).unwrap().from(&states).unwrap();
+    for (i, (end, outcome)) in ends.iter().zip(&outcomes).enumerate() {
+        let gap = distance(end, &outcome.state);
+        assert!(gap < 1e-11, "{i}: {gap:e} {:?}", terms[i]);
+    }
+}
+
+#[test]
+fn forced_bodies_have_the_same_bits_in_any_company_and_by_any_instructions() {
+    let (bodies, states, grids, terms) = forced_flight(130);
+    let runs = ForcedRuns::try_new(&bodies, &grids, &terms).unwrap();
+    let token = CancellationToken::new();
+    let ends = runs.from(&states).unwrap();
+    for set in InstructionSet::supported() {
+        let mut moved = states.clone();
+        runs.advance_with(set, &mut moved, &token).unwrap();
+        assert_eq!(moved, ends, "{}", set.name());
+    }
+    for i in 0..bodies.len() {
+        let alone = ForcedRuns::try_new(&bodies[i..=i], &grids[i..=i], &terms[i..=i]).unwrap();
+        assert_eq!(alone.from(&states[i..=i]).unwrap()[0], ends[i], "{i}");
+    }
+}
+
+#[test]
+fn forced_runs_refuse_what_they_cannot_move() {
+    let (bodies, states, grids, mut terms) = forced_flight(70);
+    let short = ForcedRuns::try_new(&bodies, &grids, &terms[1..]).unwrap_err();
+    assert_eq!(short, BatchError::Length { argument: "terms", expected: 70, found: 69 });
+    let towards = |centre, power| WrenchTerm::CentralForce {
+        centre,
+        point: Vector3::zeros(),
+        strength: -1.0,
+        power,
+        is_damper: false,
+    };
+    terms[69].push(towards(Vector3::zeros(), 1.0));
+    let refused = ForcedRuns::try_new(&bodies, &grids, &terms).unwrap_err();
+    assert_eq!(refused, BatchError::Power { body: 69, found: 1.0 });
+    // at the centre itself a spring has no direction and exerts no force there, and an attraction has no bound
+    terms[69] = vec![towards(states[69].position().to_owned(), -1.0)];
+    assert!(ForcedRuns::try_new(&bodies, &grids, &terms).unwrap().from(&states).is_ok());
+    terms[69] = vec![towards(states[69].position().to_owned(), -3.0)];
+    let runs = ForcedRuns::try_new(&bodies, &grids, &terms).unwrap();
+    assert_eq!(runs.from(&states), Err(BatchError::Diverged { body: 69 }));
+    let token = CancellationToken::new();
+    token.cancel();
+    assert_eq!(runs.advance(&mut states.clone(), &token), Err(BatchError::Cancelled));
 }

@@ -116,7 +116,9 @@ fn random_force(random: &mut Random) -> BoxedForce {
             damping: some(random, 1.0),
             rest_length: some(random, 1.0),
         }),
-        6 => Box::new(MagneticDipole { moment: random.vector(1.0), field: Field::Uniform(random.vector(1.0)) }),
+        6 => {
+            Box::new(MagneticDipole { moment: random.vector(1.0), field: Field::Uniform(random.vector(1.0)) })
+        }
         _ => Box::new(CentralGravity {
             gravitational_parameter: random.within(0.5, 4.0),
             centre: random.vector(3.0),

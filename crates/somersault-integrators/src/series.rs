@@ -454,6 +454,11 @@ impl BodySeries {
         true
     }
 
+    /// Whether the motion begins in this state.
+    pub(crate) fn begins_at(&self, x: &RigidBodyState) -> bool {
+        self.of.as_ref().is_some_and(|(_, start, _)| start == x)
+    }
+
     /// Whether the series may be used up to h: they converge, with no centre of a force near the way, and no rest under quadratic drag.
     pub(crate) fn holds_to(&self, h: f64) -> bool {
         self.equations.collinear.iter().all(|force| force.holds_to(h))

@@ -366,7 +366,7 @@ pub trait EmbeddedStepper<S: System>: Stepper<S> {
     ) -> f64;
 
     /// The longest step from `x` that meets the tolerances, of a method that knows it before the step is made; `None`, as by default, of
-    /// others, whose steps follow from the errors of those before.
+    /// others, whose steps follow from the errors of those before. The step with this memory that comes next must be of the same system.
     fn longest_step(
         &self,
         _system: &S,

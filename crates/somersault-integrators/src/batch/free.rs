@@ -46,7 +46,7 @@ pub(super) const TILE: usize = 64;
 /// One quantity of all bodies of a tile.
 #[derive(Clone, Copy)]
 #[repr(align(64))]
-struct Row([f64; TILE]);
+pub(super) struct Row(pub(super) [f64; TILE]);
 
 /// The state of up to [`TILE`] bodies and what their steps need.
 ///
@@ -145,7 +145,7 @@ impl Kernel for &mut Tile {
 }
 
 #[inline(always)]
-fn load<L: Lanes, const N: usize>(l: L, rows: &[Row; N], at: usize) -> [L::Vector; N] {
+pub(super) fn load<L: Lanes, const N: usize>(l: L, rows: &[Row; N], at: usize) -> [L::Vector; N] {
     let mut x = [l.splat(0.0); N];
     for i in 0..N {
         x[i] = l.load(&rows[i].0[at..at + L::WIDTH]);
@@ -154,14 +154,14 @@ fn load<L: Lanes, const N: usize>(l: L, rows: &[Row; N], at: usize) -> [L::Vecto
 }
 
 #[inline(always)]
-fn store<L: Lanes, const N: usize>(l: L, x: [L::Vector; N], rows: &mut [Row; N], at: usize) {
+pub(super) fn store<L: Lanes, const N: usize>(l: L, x: [L::Vector; N], rows: &mut [Row; N], at: usize) {
     for i in 0..N {
         l.store(x[i], &mut rows[i].0[at..at + L::WIDTH]);
     }
 }
 
 #[inline(always)]
-fn select<L: Lanes, const N: usize>(
+pub(super) fn select<L: Lanes, const N: usize>(
     l: L,
     mask: L::Mask,
     a: [L::Vector; N],
@@ -205,19 +205,24 @@ fn products<L: Lanes>(l: L, v: [L::Vector; 3]) -> [L::Vector; 3] {
 
 /// x + a p, entry by entry.
 #[inline(always)]
-fn advance<L: Lanes>(l: L, x: [L::Vector; 3], a: [L::Vector; 3], p: [L::Vector; 3]) -> [L::Vector; 3] {
+pub(super) fn advance<L: Lanes>(
+    l: L,
+    x: [L::Vector; 3],
+    a: [L::Vector; 3],
+    p: [L::Vector; 3],
+) -> [L::Vector; 3] {
     [l.mul_add(a[0], p[0], x[0]), l.mul_add(a[1], p[1], x[1]), l.mul_add(a[2], p[2], x[2])]
 }
 
 /// x + y
 #[inline(always)]
-fn sum<L: Lanes>(l: L, x: [L::Vector; 3], y: [L::Vector; 3]) -> [L::Vector; 3] {
+pub(super) fn sum<L: Lanes>(l: L, x: [L::Vector; 3], y: [L::Vector; 3]) -> [L::Vector; 3] {
     [l.add(x[0], y[0]), l.add(x[1], y[1]), l.add(x[2], y[2])]
 }
 
 /// x × y
 #[inline(always)]
-fn cross<L: Lanes>(l: L, x: [L::Vector; 3], y: [L::Vector; 3]) -> [L::Vector; 3] {
+pub(super) fn cross<L: Lanes>(l: L, x: [L::Vector; 3], y: [L::Vector; 3]) -> [L::Vector; 3] {
     [
         l.neg_mul_add(x[2], y[1], l.mul(x[1], y[2])),
         l.neg_mul_add(x[0], y[2], l.mul(x[2], y[0])),
@@ -227,7 +232,7 @@ fn cross<L: Lanes>(l: L, x: [L::Vector; 3], y: [L::Vector; 3]) -> [L::Vector; 3]
 
 /// The quaternion product q ⊗ p.
 #[inline(always)]
-fn product<L: Lanes>(l: L, q: [L::Vector; 4], p: [L::Vector; 4]) -> [L::Vector; 4] {
+pub(super) fn product<L: Lanes>(l: L, q: [L::Vector; 4], p: [L::Vector; 4]) -> [L::Vector; 4] {
     let s = l.neg_mul_add(q[1], p[1], l.mul(q[0], p[0]));
     let s = l.neg_mul_add(q[2], p[2], s);
     let s = l.neg_mul_add(q[3], p[3], s);
@@ -245,7 +250,7 @@ fn product<L: Lanes>(l: L, q: [L::Vector; 4], p: [L::Vector; 4]) -> [L::Vector; 
 
 /// q (3 − |q|²)/2: Newton's step for q/|q|, which squares the deviation of |q| from one.
 #[inline(always)]
-fn renormalise<L: Lanes>(l: L, q: [L::Vector; 4]) -> [L::Vector; 4] {
+pub(super) fn renormalise<L: Lanes>(l: L, q: [L::Vector; 4]) -> [L::Vector; 4] {
     let norm = l.mul_add(q[1], q[1], l.mul(q[0], q[0]));
     let norm = l.mul_add(q[2], q[2], norm);
     let norm = l.mul_add(q[3], q[3], norm);
@@ -268,7 +273,7 @@ const ROUND: f64 = 6755399441055744.0;
 /// beyond; the second term is what rounding |φ| costs. From |φ| ≈ 10¹⁵ on, where neighbouring
 /// numbers are turns apart, the result is merely a unit quaternion about the right axis.
 #[inline(always)]
-fn exp<L: Lanes>(l: L, phi: [L::Vector; 3]) -> [L::Vector; 4] {
+pub(super) fn exp<L: Lanes>(l: L, phi: [L::Vector; 3]) -> [L::Vector; 4] {
     let square = l.mul_add(phi[1], phi[1], l.mul(phi[0], phi[0]));
     let square = l.mul_add(phi[2], phi[2], square);
     let small = l.less(square, l.splat(SMALL));

@@ -5,6 +5,7 @@
 //! | Type | Systems | Method |
 //! |---|---|---|
 //! | [`FreeRuns`] | bodies, free or under uniform gravity | Runge–Kutta–Munthe-Kaas of order 4 in the body frame, vectorised, and the parabola of the centre of mass |
+//! | [`ForcedRuns`] | bodies under sums of [`WrenchTerm`]s: constant and central forces, springs, drag, torques, planes | the same with all stages, vectorised |
 //! | [`Runs`] | any | any of the table, one [`Run`] at a time on each core |
 //! | [`FreeBodyBatch`] | free bodies, rotation only | the vectorised kernel under the first |
 //!
@@ -32,6 +33,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod forced;
 mod free;
 
 pub use somersault_core::lanes::InstructionSet;
@@ -41,9 +43,11 @@ use crate::driver::{IntegrateError, Outcome, Steps, TimeGrid};
 use crate::force::Gravity;
 use crate::methods::{Forms, Method, Options};
 use crate::run::Run;
+use crate::series::WrenchTerm;
 use crate::solution::Recorder;
 use crate::state::RigidBodyState;
 use crate::system::{StateOf, System};
+use forced::ForcedTile;
 use free::{TILE, Tile};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use rayon::prelude::*;
@@ -91,6 +95,14 @@ pub enum BatchError {
         /// The first such body.
         body: usize,
     },
+    /// A central force of another power of the distance than lanes evaluate.
+    #[error("the power of a central force must be 0, -1, -2 or -3, found {found} for body {body}")]
+    Power {
+        /// The first such body.
+        body: usize,
+        /// The power.
+        found: f64,
+    },
     /// A method of the table failed.
     #[error("system {index}: {source}")]
     Integrate {
@@ -102,6 +114,22 @@ pub enum BatchError {
     /// The work was cancelled.
     #[error("the batch was cancelled")]
     Cancelled,
+}
+
+impl BatchError {
+    /// The error of a batch of some of many bodies, by the number that its body has among all: `members` holds that of each.
+    #[must_use]
+    pub fn among(mut self, members: &[usize]) -> Self {
+        match &mut self {
+            Self::NonFinite { body, .. }
+            | Self::NotPositive { body, .. }
+            | Self::Diverged { body }
+            | Self::Power { body, .. }
+            | Self::Integrate { index: body, .. } => *body = members.get(*body).copied().unwrap_or(*body),
+            Self::Length { .. } | Self::Cancelled => {}
+        }
+        self
+    }
 }
 
 /// Runs of free bodies, each over a grid of its own.
@@ -143,47 +171,13 @@ impl<'a> FreeRuns<'a> {
     /// Errors: as of [`from`](Self::from), and [`BatchError::Cancelled`]. What the states are after one of a body that diverged, or after
     /// work that was cancelled, is not specified.
     pub fn advance(self, states: &mut [RigidBodyState], token: &CancellationToken) -> Result<(), BatchError> {
-        let Self { bodies, grids, .. } = self;
-        check_length("states", bodies.len(), states.len())?;
-        check_length("grids", bodies.len(), grids.len())?;
-        for (body, x) in states.iter().enumerate() {
-            check_finite("states", body, x.position().as_slice())?;
-            check_finite("states", body, x.orientation().coords.as_slice())?;
-            check_finite("states", body, x.velocity().as_slice())?;
-            check_finite("states", body, x.angular_velocity().as_slice())?;
-        }
-        let mut order: Vec<usize> = (0..bodies.len()).collect();
-        order.sort_by_key(|&i| Reverse(grids[i].full_steps()));
-        let diverged = if order.is_sorted() {
-            self.advance_in_order(&order, states, token)
-        } else {
-            let mut moved: Vec<RigidBodyState> = order.iter().map(|&i| states[i]).collect();
-            let diverged = self.advance_in_order(&order, &mut moved, token);
-            std::iter::zip(order, moved).for_each(|(i, x)| states[i] = x);
-            diverged
-        };
-        if token.is_cancelled() {
-            return Err(BatchError::Cancelled);
-        }
-        diverged.map_or(Ok(()), |body| Err(BatchError::Diverged { body }))
-    }
-
-    /// Moves the bodies in an order, whose states these are; gives the first, by its own number, whose state is not finite then.
-    fn advance_in_order(
-        &self,
-        order: &[usize],
-        states: &mut [RigidBodyState],
-        token: &CancellationToken,
-    ) -> Option<usize> {
         let instructions = InstructionSet::detect();
-        let tiles = states.par_chunks_mut(TILE).zip(order.par_chunks(TILE));
-        let advance = |tile: &mut Tile, (states, order): (&mut [_], &[_])| {
+        advance_by_tiles(self.bodies, self.grids, states, token, Tile::new, |tile, order, states| {
             self.advance_tile(instructions, tile, order, states, token)
-        };
-        tiles.map_init(Tile::new, advance).flatten().min()
+        })
     }
 
-    /// The same of the bodies of one tile.
+    /// Moves the bodies of one tile, by their numbers.
     fn advance_tile(
         &self,
         instructions: InstructionSet,
@@ -191,7 +185,7 @@ impl<'a> FreeRuns<'a> {
         order: &[usize],
         states: &mut [RigidBodyState],
         token: &CancellationToken,
-    ) -> Option<usize> {
+    ) {
         let Self { bodies, grids, gravity } = self;
         let mut turning = [Turning::default(); TILE];
         for ((turning, x), &i) in turning.iter_mut().zip(&*states).zip(order) {
@@ -202,10 +196,8 @@ impl<'a> FreeRuns<'a> {
         let moments = |at: usize| bodies[order[at]].inertia().principal_moments();
         let whole = |at: usize| (moments(at), grids[order[at]].dt(), grids[order[at]].full_steps());
         turn(instructions, tile, turning, whole, token);
-        let rest = |grid: &TimeGrid| grid.time(grid.steps()) - grid.time(grid.full_steps());
-        turn(instructions, tile, turning, |at| (moments(at), rest(&grids[order[at]]), 1), token);
+        turn(instructions, tile, turning, |at| (moments(at), last_step(&grids[order[at]]), 1), token);
 
-        let mut diverged = None;
         for ((x, turning), &i) in states.iter_mut().zip(turning).zip(order) {
             let Turning { q, omega } = *turning;
             let duration = grids[i].time(grids[i].steps()) - grids[i].time(0);
@@ -216,11 +208,177 @@ impl<'a> FreeRuns<'a> {
                 x.velocity() + gained,
                 q * omega,
             );
-            if !x.is_finite() {
-                diverged = diverged.map_or(Some(i), |other: usize| Some(other.min(i)));
-            }
         }
+    }
+}
+
+/// Runs of bodies under forces that are sums of terms, each over a grid of its own.
+///
+/// The method is `rkmk_b` of the table ([`Method::RkmkB`]) in principal axes, order 4 on ℝ³ and on SO(3): the results of the two differ by
+/// rounding.
+///
+/// ```
+/// use nalgebra::Vector3;
+/// use somersault_integrators::batch::ForcedRuns;
+/// use somersault_integrators::body::RigidBody;
+/// use somersault_integrators::driver::TimeGrid;
+/// use somersault_integrators::series::WrenchTerm;
+/// use somersault_integrators::state::RigidBodyState;
+///
+/// let bodies = vec![RigidBody::try_box(2.0, Vector3::new(1.0, 2.0, 3.0))?; 100];
+/// let grids = vec![TimeGrid::try_new(0.0, 1.0, 0.01)?; 100];
+/// let terms: Vec<_> = (0..100).map(|i| vec![WrenchTerm::Force(Vector3::x() * f64::from(i))]).collect();
+/// let ends = ForcedRuns::try_new(&bodies, &grids, &terms)?.from(&vec![RigidBodyState::default(); 100])?;
+/// assert!((ends[99].position().x - 0.25 * 99.0).abs() < 1e-12);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug, Clone, Copy)]
+#[must_use = "runs begin with states, `from`"]
+pub struct ForcedRuns<'a> {
+    bodies: &'a [RigidBody],
+    grids: &'a [TimeGrid],
+    terms: &'a [Vec<WrenchTerm>],
+}
+
+impl<'a> ForcedRuns<'a> {
+    /// Of each body under the sum of its terms, which a [force model](crate::force::ForceModel::add_terms) says.
+    ///
+    /// Errors: slices of different lengths; a central force whose power is not 0, −1, −2 or −3.
+    pub fn try_new(
+        bodies: &'a [RigidBody],
+        grids: &'a [TimeGrid],
+        terms: &'a [Vec<WrenchTerm>],
+    ) -> Result<Self, BatchError> {
+        check_length("grids", bodies.len(), grids.len())?;
+        check_length("terms", bodies.len(), terms.len())?;
+        let found = terms
+            .iter()
+            .enumerate()
+            .find_map(|(body, terms)| forced::foreign_power(terms).map(|found| (body, found)));
+        found
+            .map_or(Ok(Self { bodies, grids, terms }), |(body, found)| Err(BatchError::Power { body, found }))
+    }
+
+    /// Runs from a state of each body to the end of its grid.
+    ///
+    /// Errors: slices of different lengths, states that are not finite at the start or at the end.
+    pub fn from(self, states: &[RigidBodyState]) -> Result<Vec<RigidBodyState>, BatchError> {
+        let mut ends = states.to_vec();
+        self.advance(&mut ends, &CancellationToken::new())?;
+        Ok(ends)
+    }
+
+    /// The same with the ends in the place of the states, and soon ended where it is cancelled.
+    ///
+    /// Errors: as of [`from`](Self::from), and [`BatchError::Cancelled`]. What the states are after one of a body that diverged, or after
+    /// work that was cancelled, is not specified.
+    pub fn advance(self, states: &mut [RigidBodyState], token: &CancellationToken) -> Result<(), BatchError> {
+        self.advance_with(InstructionSet::detect(), states, token)
+    }
+
+    /// [`advance`](Self::advance) with chosen vector instructions, which change the duration and not the result.
+    pub fn advance_with(
+        self,
+        instructions: InstructionSet,
+        states: &mut [RigidBodyState],
+        token: &CancellationToken,
+    ) -> Result<(), BatchError> {
+        let Self { bodies, grids, terms } = self;
+        advance_by_tiles(
+            bodies,
+            grids,
+            states,
+            token,
+            || (),
+            |(), order, states| {
+                let mut tile = ForcedTile::new();
+                for (at, (&i, x)) in order.iter().zip(&*states).enumerate() {
+                    tile.set(at, &bodies[i], x, &terms[i]);
+                }
+                let whole = |i: usize| (grids[i].dt(), grids[i].full_steps());
+                let rest = |i: usize| (last_step(&grids[i]), 1);
+                for of in [&whole as &dyn Fn(usize) -> (f64, u64), &rest] {
+                    in_parts(order.iter().map(|&i| of(i)), token, |next| {
+                        tile.hold();
+                        for (at, &(h, steps)) in next.iter().enumerate().filter(|(_, (_, steps))| *steps > 0)
+                        {
+                            tile.take(at, h, steps);
+                        }
+                        instructions.run(&mut tile);
+                    });
+                }
+                for (at, (&i, x)) in order.iter().zip(states).enumerate() {
+                    *x = tile.state(at, &bodies[i]);
+                }
+            },
+        )
+    }
+}
+
+/// What a grid has left after its full steps.
+fn last_step(grid: &TimeGrid) -> f64 {
+    grid.time(grid.steps()) - grid.time(grid.full_steps())
+}
+
+/// Moves bodies along their grids by tiles of neighbours in the order of their numbers of steps: `advance` takes what `new` makes for it,
+/// the numbers of the bodies of a tile, and their states.
+fn advance_by_tiles<T>(
+    bodies: &[RigidBody],
+    grids: &[TimeGrid],
+    states: &mut [RigidBodyState],
+    token: &CancellationToken,
+    new: impl Fn() -> T + Sync + Send,
+    advance: impl Fn(&mut T, &[usize], &mut [RigidBodyState]) + Sync + Send,
+) -> Result<(), BatchError> {
+    check_length("states", bodies.len(), states.len())?;
+    check_length("grids", bodies.len(), grids.len())?;
+    for (body, x) in states.iter().enumerate() {
+        check_finite("states", body, x.position().as_slice())?;
+        check_finite("states", body, x.orientation().coords.as_slice())?;
+        check_finite("states", body, x.velocity().as_slice())?;
+        check_finite("states", body, x.angular_velocity().as_slice())?;
+    }
+    let mut order: Vec<usize> = (0..bodies.len()).collect();
+    order.sort_by_key(|&i| Reverse(grids[i].full_steps()));
+    let in_order = |states: &mut [RigidBodyState]| {
+        let tiles = states.par_chunks_mut(TILE).zip(order.par_chunks(TILE));
+        let advance = |made: &mut T, (states, order): (&mut [RigidBodyState], &[usize])| {
+            advance(made, order, states);
+            order.iter().zip(states).filter(|(_, x)| !x.is_finite()).map(|(i, _)| *i).min()
+        };
+        tiles.map_init(&new, advance).flatten().min()
+    };
+    let diverged = if order.is_sorted() {
+        in_order(states)
+    } else {
+        let mut moved: Vec<RigidBodyState> = order.iter().map(|&i| states[i]).collect();
+        let diverged = in_order(&mut moved);
+        order.iter().zip(moved).for_each(|(&i, x)| states[i] = x);
         diverged
+    };
+    if token.is_cancelled() {
+        return Err(BatchError::Cancelled);
+    }
+    diverged.map_or(Ok(()), |body| Err(BatchError::Diverged { body }))
+}
+
+/// Has the steps of the bodies of a tile made, by the size and the number of steps of each, so many at a time that a token is looked at
+/// meanwhile; `make` takes how many of which size are next. A body without steps, or with steps of no size, has none.
+fn in_parts(
+    of: impl Iterator<Item = (f64, u64)>,
+    token: &CancellationToken,
+    mut make: impl FnMut(&[(f64, u64); TILE]),
+) {
+    let mut left = [(0.0, 0); TILE];
+    for (left, (h, steps)) in left.iter_mut().zip(of).filter(|(_, (h, steps))| moves(*h, *steps)) {
+        *left = (h, steps);
+    }
+    while left.iter().any(|(_, steps)| *steps > 0) && !token.is_cancelled() {
+        let next = left.map(|(h, steps)| (h, steps.min(STEPS_PER_LOOK)));
+        make(&next);
+        for (left, next) in left.iter_mut().zip(next) {
+            left.1 -= next.1;
+        }
     }
 }
 
@@ -246,24 +404,22 @@ fn turn<'m>(
     of: impl Fn(usize) -> (&'m Vector3<f64>, f64, u64),
     token: &CancellationToken,
 ) {
-    let mut left = [0; TILE];
+    let mut moving = [false; TILE];
     for (at, Turning { q, omega }) in bodies.iter().enumerate() {
         let (moments, dt, steps) = of(at);
         if moves(dt, steps) {
             tile.set(at, (*moments).into(), [q.w, q.i, q.j, q.k], (omega * (0.5 * dt)).into());
-            left[at] = steps;
+            moving[at] = true;
         }
     }
-    let moving = left.map(|steps| steps > 0);
-    while left.iter().any(|steps| *steps > 0) && !token.is_cancelled() {
+    let sizes = (0..bodies.len()).map(&of).map(|(_, dt, steps)| (dt, steps));
+    in_parts(sizes, token, |next| {
         tile.clear();
         for at in (0..TILE).filter(|at| moving[*at]) {
-            let next = left[at].min(STEPS_PER_LOOK);
-            tile.take(at, next);
-            left[at] -= next;
+            tile.take(at, next[at].1);
         }
         instructions.run(&mut *tile);
-    }
+    });
     for (at, body) in bodies.iter_mut().enumerate().filter(|(at, _)| moving[*at]) {
         let (_, dt, _) = of(at);
         let ([w, x, y, z], half_angle) = tile.get(at);

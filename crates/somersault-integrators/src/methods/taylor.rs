@@ -55,6 +55,8 @@ pub struct TaylorMemory<S: System> {
     bodies: Vec<BodySeries>,
     terms: Vec<WrenchTerm>,
     errors: [RateOf<S>; 2],
+    /// Whether the longest step was asked for last, so that the step that follows from the same state has its series.
+    is_expanded: bool,
     /// The errors of a step of 1 from there by these tolerances, once they are known.
     of_unit_step: Option<(Tolerances, [f64; RATIOS.len()])>,
 }
@@ -80,8 +82,7 @@ const SAFETY: f64 = 0.95;
 /// error.
 const RATIOS: [f64; 4] = [1.0, 1e-1, 1e-2, 1e-3];
 /// The degrees of these.
-const DEGREES: [i32; RATIOS.len()] =
-    [DEGREE as i32, DEGREE as i32 - 1, DEGREE as i32 - 2, DEGREE as i32 - 3];
+const DEGREES: [i32; RATIOS.len()] = [DEGREE as i32, DEGREE as i32 - 1, DEGREE as i32 - 2, DEGREE as i32 - 3];
 /// How often it is halved at most where a series may not converge.
 const HALVINGS: usize = 30;
 
@@ -105,6 +106,12 @@ impl<S: RigidSystem> TaylorMemory<S> {
         errors
     }
 
+    /// Whether the series are those that the longest step from x was found by.
+    fn take_expanded(&mut self, x: &StateOf<S>) -> bool {
+        let mut bodies = self.bodies.iter().enumerate();
+        std::mem::take(&mut self.is_expanded) && bodies.all(|(i, series)| series.begins_at(&body_state(x, i)))
+    }
+
     fn expand(&mut self, system: &S, x: &StateOf<S>) -> Result<(), StepError> {
         for (i, series) in self.bodies.iter_mut().enumerate() {
             self.terms.clear();
@@ -125,7 +132,8 @@ impl<S: RigidSystem> Stepper<S> for TaylorSeries {
     fn start(&self, system: &S, x: &StateOf<S>) -> Result<Self::Memory, StepError> {
         let bodies = vec![BodySeries::new(); x.configuration.count()];
         let errors = [x.rate.clone(), x.rate.clone()];
-        let mut memory = TaylorMemory { bodies, terms: Vec::new(), errors, of_unit_step: None };
+        let mut memory =
+            TaylorMemory { bodies, terms: Vec::new(), errors, is_expanded: false, of_unit_step: None };
         memory.expand(system, x)?;
         Ok(memory)
     }
@@ -139,7 +147,9 @@ impl<S: RigidSystem> Stepper<S> for TaylorSeries {
         memory: &mut Self::Memory,
         out: &mut StateOf<S>,
     ) -> Result<(), StepError> {
-        memory.expand(system, x)?;
+        if !memory.take_expanded(x) {
+            memory.expand(system, x)?;
+        }
         if !memory.bodies.iter().all(|series| series.holds_to(h)) {
             return Err(StepError::StepTooLarge { method: Self::INFO.name, t, h });
         }
@@ -187,6 +197,7 @@ impl<S: RigidSystem> EmbeddedStepper<S> for TaylorSeries {
         tolerances: &Tolerances,
     ) -> Result<Option<f64>, StepError> {
         memory.expand(system, x)?;
+        memory.is_expanded = true;
         let mut longest = f64::INFINITY;
         for (error, degree) in memory.of_unit_step(x, tolerances).into_iter().zip(DEGREES) {
             if longest.is_infinite() || error * longest.powi(degree) > 1.0 {

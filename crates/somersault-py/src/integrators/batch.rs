@@ -14,22 +14,25 @@ use crate::integrators::methods;
 use crate::integrators::plan::StepArguments;
 use crate::integrators::trajectory::{Cast, Trajectory};
 use pyo3::prelude::*;
-use somersault::integrators::batch::{BatchError, FreeRuns, Runs};
+use somersault::core::cancel::CancellationToken;
+use somersault::integrators::batch::{BatchError, ForcedRuns, FreeRuns, Runs};
 use somersault::integrators::body;
 use somersault::integrators::counted::Counted;
 use somersault::integrators::driver::{IntegrateError, Steps, TimeGrid, check_interval};
-use somersault::integrators::force::Gravity;
+use somersault::integrators::force::{BoxedForce, ForceModel, Gravity};
 use somersault::integrators::methods::Method;
 use somersault::integrators::nalgebra::Vector3;
+use somersault::integrators::series::WrenchTerm;
 use somersault::integrators::solution::check_times;
 use somersault::integrators::state::{Pose, RigidBodyState};
 use somersault::integrators::system::{RigidBodySystem, RigidSystem};
 
 /// Motion of many rigid bodies that do not interact, in parallel.
 ///
-/// Bodies that are free or under uniform gravity, with fixed steps of ``"rkmk_b"``, move several at a time in the vector registers of
-/// each core, and their centre of mass moves exactly; the result does not depend, to the last bit, on the processor, the number of threads
-/// or which bodies go together. All others move one at a time on each core, as `integrate` moves them alone.
+/// With fixed steps of ``"rkmk_b"`` bodies move several at a time in the vector registers of each core, if they are free or all their forces
+/// are of these: `Gravity`, `CentralGravity`, `Force`, `Torque`, `Drag`, `Spring`, and `MagneticDipole` in a uniform field. The centre of mass
+/// of free bodies, and of bodies under `gravity` alone, moves exactly; the result does not depend, to the last bit, on the processor, the
+/// number of threads or which bodies go together. All others move one at a time on each core, as `integrate` moves them alone.
 ///
 /// Parameters
 /// ----------
@@ -51,7 +54,7 @@ use somersault::integrators::system::{RigidBodySystem, RigidSystem};
 ///     Acceleration, m/s², of all bodies, beside `forces`; none unless given.
 /// t_eval : array_like, shape (n,), optional
 ///     Times of the states to record, s, within the interval, each after the one before; its start and its end unless given. Of
-///     free bodies with fixed steps of ``"rkmk_b"`` the steps start again at each of them, and the step before it is shorter where `dt` does
+///     bodies that move several at a time the steps start again at each of them, and the step before it is shorter where `dt` does
 ///     not divide the time between two; those of others do not depend on them.
 /// rtol, atol : float, optional
 ///     Relative and absolute tolerance of adaptive steps, 1e-8 and 1e-10 unless given.
@@ -70,8 +73,7 @@ use somersault::integrators::system::{RigidBodySystem, RigidSystem};
 /// InputError
 ///     If the numbers of bodies, states, steps and forces differ, or the method does not take the forces.
 /// IntegrationError
-///     If a run cannot continue: a state stopped being finite, or a tolerance cannot be met. The message has the number of the first such
-///     body.
+///     If a run cannot continue: a state stopped being finite, or a tolerance cannot be met. The message has the number of such a body.
 ///
 /// Notes
 /// -----
@@ -262,97 +264,164 @@ impl Batch {
         let steps_of = |dt| StepArguments { dt, ..asked.steps }.steps(method, (start, end));
         let dt = asked.dt.map(|dt| numbers_or_one("dt", n, dt)).transpose()?;
         let forces = asked.forces.filter(|forces| !forces.is_none());
-        match (dt, forces) {
-            (Some(dt), None) if method == Method::RkmkB => {
-                dt.iter().try_for_each(|dt| steps_of(Some(*dt)).map(|_| ()))?;
-                self.in_lanes(py, &dt)
+        let failure = Failure::default();
+        let models = match forces {
+            Some(forces) => {
+                let mut reader = Reader { failure: failure.clone(), calls_python: false };
+                let models = reader.for_each("forces", &self.bodies, forces)?;
+                expect_length("forces", n, models.len())?;
+                models
             }
-            (dt, forces) => {
-                let steps = match dt {
-                    Some(dt) => dt.into_iter().map(|dt| steps_of(Some(dt))).collect::<Result<_, _>>()?,
-                    None => vec![steps_of(None)?; n],
-                };
-                self.one_by_one(py, method, &steps, forces)
+            None => self.bodies.iter().map(|_| Vec::new()).collect(),
+        };
+        let steps = match &dt {
+            Some(dt) => dt.iter().map(|dt| steps_of(Some(*dt))).collect::<Result<_, _>>()?,
+            None => vec![steps_of(None)?; n],
+        };
+        let lanes = dt.filter(|_| method == Method::RkmkB);
+
+        let (mut free, mut summed, mut others) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut terms, mut models_of_others) = (Vec::new(), Vec::new());
+        for (i, models) in models.into_iter().enumerate() {
+            if lanes.is_some() && models.is_empty() {
+                free.push(i);
+            } else if let Some(of_body) = lanes.as_ref().and_then(|_| self.terms(i, &models)) {
+                summed.push(i);
+                terms.push(of_body);
+            } else {
+                others.push(i);
+                models_of_others.push(models);
+            }
+        }
+        let mut kept = Vec::new();
+        if let Some(dt) = &lanes {
+            let gravity = self.gravity;
+            let moved = self.in_lanes(py, &free, dt, |bodies, grids, states, token| {
+                FreeRuns::new(bodies, grids).in_gravity(&gravity).advance(states, token)
+            })?;
+            self.keep(&free, moved, &mut kept);
+            let moved = self.in_lanes(py, &summed, dt, |bodies, grids, states, token| {
+                ForcedRuns::try_new(bodies, grids, &terms)?.advance(states, token)
+            })?;
+            self.keep(&summed, moved, &mut kept);
+        }
+        if !others.is_empty() {
+            let moved = self.one_by_one(py, &others, method, &steps, models_of_others, &failure)?;
+            self.keep(&others, moved, &mut kept);
+        }
+        Ok(Trajectory::new(Cast { bodies: self.bodies, single: false }, self.times, kept))
+    }
+
+    /// The terms of the forces on a body and of its weight, if all forces are sums of terms.
+    fn terms(&self, i: usize, models: &Vec<BoxedForce>) -> Option<Vec<WrenchTerm>> {
+        let mut terms = Vec::new();
+        let body = &self.bodies[i];
+        (models.add_terms(body, &mut terms) && self.gravity.add_terms(body, &mut terms)).then_some(terms)
+    }
+
+    /// Puts the states of some of the bodies at the times, those at one time after the other, among those of all.
+    fn keep(&self, members: &[usize], moved: Vec<RigidBodyState>, kept: &mut Vec<RigidBodyState>) {
+        let n = self.bodies.len();
+        if members.len() == n {
+            *kept = moved;
+        } else if !members.is_empty() {
+            kept.resize(self.times.len() * n, RigidBodyState::default());
+            for (k, moved) in moved.chunks(members.len()).enumerate() {
+                members.iter().zip(moved).for_each(|(i, x)| kept[k * n + i] = *x);
             }
         }
     }
 
-    /// Without forces but gravity, by the method in vector lanes.
-    fn in_lanes(self, py: Python<'_>, dt: &[f64]) -> Result<Trajectory, Error> {
-        let Self { bodies, states: mut kept, interval: [mut now, _], times, gravity } = self;
-        let n = bodies.len();
-        kept.reserve_exact((times.len() - 1) * n);
-        for (k, &t) in times.iter().enumerate() {
+    /// Some of the bodies by the method in vector lanes, from each time of the record to the next.
+    fn in_lanes(
+        &self,
+        py: Python<'_>,
+        members: &[usize],
+        dt: &[f64],
+        advance: impl Fn(
+            &[body::RigidBody],
+            &[TimeGrid],
+            &mut [RigidBodyState],
+            &CancellationToken,
+        ) -> Result<(), BatchError>
+        + Sync,
+    ) -> Result<Vec<RigidBodyState>, Error> {
+        let (n, mut now) = (members.len(), self.interval[0]);
+        let bodies: Vec<_> = members.iter().map(|&i| self.bodies[i]).collect();
+        let mut kept = Vec::with_capacity(self.times.len() * n);
+        kept.extend(members.iter().map(|&i| self.states[i]));
+        for (k, &t) in self.times.iter().enumerate() {
             if k > 0 {
                 kept.extend_from_within((k - 1) * n..);
             }
             if t != now {
-                let grid = |dt: &f64| TimeGrid::try_new(now, t, *dt);
-                let grids = dt.iter().map(grid).collect::<Result<Vec<_>, _>>()?;
-                let runs = FreeRuns::new(&bodies, &grids).in_gravity(&gravity);
+                let grid = |&i: &usize| TimeGrid::try_new(now, t, dt[i]);
+                let grids = members.iter().map(grid).collect::<Result<Vec<_>, _>>()?;
                 let states = &mut kept[k * n..];
-                cancel_on_signal(py, |token| runs.advance(states, token))?;
+                cancel_on_signal(py, |token| {
+                    advance(&bodies, &grids, states, token).map_err(|error| error.among(members))
+                })?;
                 now = t;
             }
         }
-        Ok(Trajectory::new(Cast { bodies, single: false }, times, kept))
+        Ok(kept)
     }
 
-    /// Each body by itself.
+    /// Some of the bodies, each by itself.
     fn one_by_one(
-        self,
+        &self,
         py: Python<'_>,
+        members: &[usize],
         method: Method,
         steps: &[Steps],
-        forces: Option<&Bound<'_, PyAny>>,
-    ) -> Result<Trajectory, Error> {
+        mut models: Vec<Vec<BoxedForce>>,
+        failure: &Failure,
+    ) -> Result<Vec<RigidBodyState>, Error> {
         let Self { bodies, states, times, gravity, .. } = self;
         // of each body by itself, with room to grow, and of all
-        let bytes = size_of::<RigidBodyState>().saturating_mul(times.len()).saturating_mul(bodies.len());
+        let bytes = size_of::<RigidBodyState>().saturating_mul(times.len()).saturating_mul(members.len());
         expect_room("the states at `t_eval`", bytes.saturating_mul(3))?;
-        let failure = Failure::default();
-        let mut reader = Reader { failure: failure.clone(), calls_python: false };
-        let mut models = match forces {
-            Some(forces) => reader.for_each("forces", &bodies, forces)?,
-            None => bodies.iter().map(|_| Vec::new()).collect(),
-        };
-        expect_length("forces", bodies.len(), models.len())?;
         if gravity.acceleration != Vector3::zeros() {
-            models.iter_mut().for_each(|models| models.push(Box::new(gravity)));
+            models.iter_mut().for_each(|models| models.push(Box::new(*gravity)));
         }
+        let states: Vec<_> = members.iter().map(|&i| states[i]).collect();
+        let steps: Vec<_> = members.iter().map(|&i| steps[i]).collect();
         let are_free = models.iter().all(Vec::is_empty);
-        let runs = std::iter::zip(bodies.iter().copied(), models);
+        let runs = members.iter().map(|&i| bodies[i]).zip(models);
         let moved = if are_free {
             let systems: Vec<_> = runs.map(|(body, _)| RigidBodySystem::free(body)).collect();
-            each_recorded(py, &systems, method, steps, &states, &times)
+            self.each_recorded(py, members, &systems, method, &steps, &states)
         } else {
             let forced = |(body, models)| Counted::new(RigidBodySystem::new(body, models));
             let systems: Vec<_> = runs.map(forced).collect();
-            each_recorded(py, &systems, method, steps, &states, &times)
+            self.each_recorded(py, members, &systems, method, &steps, &states)
         };
         if let Some(error) = failure.get() {
             return Err(error.clone_ref(py).into());
         }
         let moved = moved?;
         let at = |k: usize| moved.iter().map(move |states| states[k]);
-        let kept = (0..times.len()).flat_map(at).collect();
-        Ok(Trajectory::new(Cast { bodies, single: false }, times, kept))
+        Ok((0..times.len()).flat_map(at).collect())
     }
-}
 
-/// The states of each system at times.
-fn each_recorded<S>(
-    py: Python<'_>,
-    systems: &[S],
-    method: Method,
-    steps: &[Steps],
-    states: &[RigidBodyState],
-    times: &[f64],
-) -> Result<Vec<Vec<RigidBodyState>>, Error>
-where
-    S: RigidSystem<Configuration = Pose> + Send + Sync,
-{
-    cancel_on_signal(py, |token| Runs::new(systems, method, steps).recorded(states, times, token))
+    /// The states at the times of some of the bodies, of which these are the systems.
+    fn each_recorded<S>(
+        &self,
+        py: Python<'_>,
+        members: &[usize],
+        systems: &[S],
+        method: Method,
+        steps: &[Steps],
+        states: &[RigidBodyState],
+    ) -> Result<Vec<Vec<RigidBodyState>>, Error>
+    where
+        S: RigidSystem<Configuration = Pose> + Send + Sync,
+    {
+        cancel_on_signal(py, |token| {
+            let runs = Runs::new(systems, method, steps).recorded(states, &self.times, token);
+            runs.map_err(|error| error.among(members))
+        })
+    }
 }
 
 fn expect_length(argument: &'static str, expected: usize, found: usize) -> Result<(), BatchError> {

@@ -1,0 +1,508 @@
+//! The step of a body under forces that are sums of [`WrenchTerm`]s, for a tile of bodies at once.
+//!
+//! In the principal frame of a body, where its inertia is I = diag(I₁, I₂, I₃) and the torque M(q, r, v, ω),
+//!
+//! ```text
+//! ṙ = v,   v̇ = F/m,   q̇ = ½ q ⊗ (0, ω),   I ω̇ = M − ω × I ω
+//! ```
+//!
+//! A step is that of [`RungeKuttaMuntheKaas4`](crate::methods::RungeKuttaMuntheKaas4) in the body frame, whose brackets are
+//! −a × b: the four stages of the classical method with K₃ for the third displacement, and
+//!
+//! ```text
+//! K₃ = ω⁽²⁾ + h/4 ω⁽¹⁾ × ω⁽²⁾,   q ← q ⊗ exp(h/6 (ω⁽¹⁾ + 2ω⁽²⁾ + 2ω⁽³⁾ + ω⁽⁴⁾) + h²/12 ω⁽¹⁾ × ω⁽⁴⁾)
+//! ```
+//!
+//! Bodies of a tile may be under different terms: each kind of term has a row of coefficients, zero for the bodies that have none of it.
+//! Terms along the way s from one centre to one point of a body are one tie, F = (Σ cₙ |s|⁻ⁿ + (s · ṡ) Σ dₙ |s|⁻ⁿ) s, n ≤ 3.
+//!
+//! # Cost
+//!
+//! 4 evaluations, 4 exponentials and 4 products of quaternions; of an evaluation a tie off the centre costs 100 operations, one at the
+//! centre 40.
+
+use super::free::{Row, TILE, advance, cross, exp, load, product, renormalise, select, store, sum};
+use crate::body::RigidBody;
+use crate::series::WrenchTerm;
+use crate::state::RigidBodyState;
+use crate::tableau::RUNGE_KUTTA_4;
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use somersault_core::lanes::{Kernel, Lanes};
+
+const ZERO: Row = Row([0.0; TILE]);
+/// The centre of a tie that a body does not have, m: far from all that it has, and its cube is finite.
+const FAR: f64 = 1e100;
+/// How many powers |s|⁰ … |s|⁻³ a tie has.
+const POWERS: usize = 4;
+
+/// Forces along the way s from a centre to a point of a body.
+struct Tie {
+    centre: [Row; 3],
+    /// In the principal frame.
+    point: [Row; 3],
+    /// cₙ, and dₙ of dampers.
+    strengths: [[Row; POWERS]; 2],
+    /// 1/|s| where s is zero: zero, where the force has a limit or none is exerted there, as by a spring, else NaN.
+    at_zero: Row,
+    has_points: bool,
+}
+
+impl Tie {
+    fn new() -> Self {
+        Self {
+            centre: [Row([FAR; TILE]); 3],
+            point: [ZERO; 3],
+            strengths: [[ZERO; POWERS]; 2],
+            at_zero: ZERO,
+            has_points: false,
+        }
+    }
+
+    /// Whether it is that of the body in entry `at` from a centre to a point, or of none.
+    fn is_of(&self, at: usize, centre: &Vector3<f64>, point: &Vector3<f64>) -> bool {
+        let of = |rows: &[Row; 3]| Vector3::from(rows.each_ref().map(|row| row.0[at]));
+        of(&self.centre) == *centre && of(&self.point) == *point
+    }
+}
+
+/// A force −k gap − c rate along the normal of a plane.
+struct Plane {
+    normal: [Row; 3],
+    /// In the principal frame.
+    point: [Row; 3],
+    offset: Row,
+    stiffness: Row,
+    damping: Row,
+}
+
+/// The terms of the bodies of a tile.
+struct Terms {
+    /// World axes.
+    force: [Row; 3],
+    /// Of the principal frame.
+    torque: [Row; 3],
+    world_torque: [Row; 3],
+    thrust: [Row; 3],
+    angular_drag: Row,
+    quadratic_drag: Row,
+    /// A and B of A r + B v, by rows, where a body has them.
+    linear: Option<[[[Row; 3]; 3]; 2]>,
+    /// Constant forces at points: the force, and the point in the principal frame.
+    pushes: Vec<[[Row; 3]; 2]>,
+    ties: Vec<Tie>,
+    planes: Vec<Plane>,
+    /// Whether a term needs the axes of a body in the world.
+    needs_axes: bool,
+    has_drag: bool,
+}
+
+impl Terms {
+    fn new() -> Self {
+        Self {
+            force: [ZERO; 3],
+            torque: [ZERO; 3],
+            world_torque: [ZERO; 3],
+            thrust: [ZERO; 3],
+            angular_drag: ZERO,
+            quadratic_drag: ZERO,
+            linear: None,
+            pushes: Vec::new(),
+            ties: Vec::new(),
+            planes: Vec::new(),
+            needs_axes: false,
+            has_drag: false,
+        }
+    }
+
+    /// Adds the terms of the body in entry `at`, whose principal axes lie so in it. None has a [`foreign_power`].
+    fn add(&mut self, at: usize, axes: &UnitQuaternion<f64>, terms: &[WrenchTerm]) {
+        let of_body = |v: &Vector3<f64>| axes.inverse() * v;
+        let [mut pushes, mut planes] = [0; 2];
+        for term in terms {
+            match term {
+                WrenchTerm::Force(force) => add_vector(&mut self.force, at, force),
+                WrenchTerm::ForceAtPoint { force, point } => {
+                    if pushes == self.pushes.len() {
+                        self.pushes.push([[ZERO; 3]; 2]);
+                    }
+                    let [forces, points] = &mut self.pushes[pushes];
+                    add_vector(&mut self.force, at, force);
+                    add_vector(forces, at, force);
+                    add_vector(points, at, &of_body(point));
+                    self.needs_axes = true;
+                    pushes += 1;
+                }
+                WrenchTerm::Thrust(force) => {
+                    add_vector(&mut self.thrust, at, &of_body(force));
+                    self.needs_axes = true;
+                }
+                WrenchTerm::LinearForce { position, velocity } => {
+                    let [of_position, of_velocity] = self.linear.get_or_insert([[[ZERO; 3]; 3]; 2]);
+                    add_matrix(of_position, at, position);
+                    add_matrix(of_velocity, at, velocity);
+                }
+                WrenchTerm::CentralForce { centre, point, strength, power, is_damper } => {
+                    let point = of_body(point);
+                    let none = Vector3::repeat(FAR);
+                    let is_free =
+                        |tie: &Tie| tie.is_of(at, centre, &point) || tie.is_of(at, &none, &Vector3::zeros());
+                    let k = self.ties.iter().position(is_free).unwrap_or_else(|| {
+                        self.ties.push(Tie::new());
+                        self.ties.len() - 1
+                    });
+                    let tie = &mut self.ties[k];
+                    set_vector(&mut tie.centre, at, centre);
+                    set_vector(&mut tie.point, at, &point);
+                    let n = -*power as usize;
+                    tie.strengths[usize::from(*is_damper)][n].0[at] += strength;
+                    // |s|ⁿ⁻¹ is bounded where s vanishes, and |s · ṡ| is at most |s| |ṡ|
+                    if n > 1 + usize::from(*is_damper) && *strength != 0.0 {
+                        tie.at_zero.0[at] = f64::NAN;
+                    }
+                    tie.has_points |= point != Vector3::zeros();
+                    self.needs_axes |= point != Vector3::zeros();
+                }
+                WrenchTerm::QuadraticDrag(c) => {
+                    self.quadratic_drag.0[at] += c;
+                    self.has_drag = true;
+                }
+                WrenchTerm::Torque(torque) => add_vector(&mut self.torque, at, &of_body(torque)),
+                WrenchTerm::WorldTorque(torque) => {
+                    add_vector(&mut self.world_torque, at, torque);
+                    self.needs_axes = true;
+                }
+                WrenchTerm::AngularDrag(c) => self.angular_drag.0[at] += c,
+                WrenchTerm::Support { normal, offset, point, stiffness, damping } => {
+                    if planes == self.planes.len() {
+                        let [normal, point] = [[ZERO; 3]; 2];
+                        self.planes.push(Plane {
+                            normal,
+                            point,
+                            offset: ZERO,
+                            stiffness: ZERO,
+                            damping: ZERO,
+                        });
+                    }
+                    let plane = &mut self.planes[planes];
+                    set_vector(&mut plane.normal, at, normal);
+                    set_vector(&mut plane.point, at, &of_body(point));
+                    plane.offset.0[at] = *offset;
+                    plane.stiffness.0[at] = *stiffness;
+                    plane.damping.0[at] = *damping;
+                    self.needs_axes = true;
+                    planes += 1;
+                }
+            }
+        }
+    }
+}
+
+/// The power of a central force that is none of 0, −1, −2 and −3, if there is one.
+pub(super) fn foreign_power(terms: &[WrenchTerm]) -> Option<f64> {
+    terms.iter().find_map(|term| match term {
+        WrenchTerm::CentralForce { power, .. } => {
+            (0..POWERS).all(|n| *power != -(n as f64)).then_some(*power)
+        }
+        _ => None,
+    })
+}
+
+fn add_vector(rows: &mut [Row; 3], at: usize, v: &Vector3<f64>) {
+    rows.iter_mut().zip(v).for_each(|(row, x)| row.0[at] += x);
+}
+
+fn set_vector(rows: &mut [Row; 3], at: usize, v: &Vector3<f64>) {
+    rows.iter_mut().zip(v).for_each(|(row, x)| row.0[at] = *x);
+}
+
+fn add_matrix(rows: &mut [[Row; 3]; 3], at: usize, m: &Matrix3<f64>) {
+    for (i, rows) in rows.iter_mut().enumerate() {
+        add_vector(rows, at, &m.row(i).transpose());
+    }
+}
+
+/// The states of up to [`TILE`] bodies, their terms, and what their steps need. Entries that no body fills have no steps.
+pub(super) struct ForcedTile {
+    /// r, v, q (principal frame → world, real part first), ω (principal frame).
+    r: [Row; 3],
+    v: [Row; 3],
+    q: [Row; 4],
+    omega: [Row; 3],
+    terms: Terms,
+    /// (I₂ − I₃)/I₁ and cyclic, 1/I₁ and so on, 1/m.
+    gyration: [Row; 3],
+    inverse_moments: [Row; 3],
+    inverse_mass: Row,
+    /// The step of each body, and how many it makes.
+    h: Row,
+    steps: Row,
+    steps_range: (u64, u64),
+}
+
+impl ForcedTile {
+    /// A tile without bodies.
+    pub(super) fn new() -> Self {
+        Self {
+            r: [ZERO; 3],
+            v: [ZERO; 3],
+            q: [Row([1.0; TILE]), ZERO, ZERO, ZERO],
+            omega: [ZERO; 3],
+            terms: Terms::new(),
+            gyration: [ZERO; 3],
+            inverse_moments: [ZERO; 3],
+            inverse_mass: ZERO,
+            h: ZERO,
+            steps: ZERO,
+            steps_range: (u64::MAX, 0),
+        }
+    }
+
+    /// Puts a body in a state under terms into entry `at`, which is empty.
+    pub(super) fn set(&mut self, at: usize, body: &RigidBody, x: &RigidBodyState, terms: &[WrenchTerm]) {
+        let (moments, axes) = (body.inertia().principal_moments(), body.inertia().principal_axes());
+        for i in 0..3 {
+            self.gyration[i].0[at] = (moments[(i + 1) % 3] - moments[(i + 2) % 3]) / moments[i];
+            self.inverse_moments[i].0[at] = 1.0 / moments[i];
+        }
+        self.inverse_mass.0[at] = 1.0 / body.mass();
+        let q = x.orientation() * axes;
+        set_vector(&mut self.r, at, x.position());
+        set_vector(&mut self.v, at, x.velocity());
+        set_vector(&mut self.omega, at, &(q.inverse() * x.angular_velocity()));
+        for (row, x) in self.q.iter_mut().zip([q.w, q.i, q.j, q.k]) {
+            row.0[at] = x;
+        }
+        self.terms.add(at, axes, terms);
+    }
+
+    /// The state of the body in entry `at`.
+    pub(super) fn state(&self, at: usize, body: &RigidBody) -> RigidBodyState {
+        let vector = |rows: &[Row; 3]| Vector3::from(rows.each_ref().map(|row| row.0[at]));
+        let [w, x, y, z] = self.q.each_ref().map(|row| row.0[at]);
+        let q = UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z));
+        RigidBodyState::new(
+            vector(&self.r),
+            q * body.inertia().principal_axes().inverse(),
+            vector(&self.v),
+            q * vector(&self.omega),
+        )
+    }
+
+    /// Holds all bodies.
+    pub(super) fn hold(&mut self) {
+        self.steps = ZERO;
+        self.steps_range = (u64::MAX, 0);
+    }
+
+    /// Says how many steps of which size the body in entry `at` makes next.
+    pub(super) fn take(&mut self, at: usize, h: f64, steps: u64) {
+        self.h.0[at] = h;
+        self.steps.0[at] = steps as f64;
+        self.steps_range = (self.steps_range.0.min(steps), self.steps_range.1.max(steps));
+    }
+}
+
+/// All steps of all bodies of a tile.
+impl Kernel for &mut ForcedTile {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) {
+        let (_, largest) = self.steps_range;
+        for done in 0..largest {
+            let done = lanes.splat(done as f64);
+            for at in (0..TILE).step_by(L::WIDTH) {
+                let moves = lanes.less(done, lanes.load(&self.steps.0[at..at + L::WIDTH]));
+                step(lanes, self, at, moves);
+            }
+        }
+    }
+}
+
+/// A row at the bodies `at..at + WIDTH`.
+#[inline(always)]
+fn one<L: Lanes>(l: L, row: &Row, at: usize) -> L::Vector {
+    l.load(&row.0[at..at + L::WIDTH])
+}
+
+/// a x + y, with one number a for all components.
+#[inline(always)]
+fn moved<L: Lanes>(l: L, a: L::Vector, x: [L::Vector; 3], y: [L::Vector; 3]) -> [L::Vector; 3] {
+    advance(l, y, [a; 3], x)
+}
+
+#[inline(always)]
+fn scaled<L: Lanes>(l: L, a: L::Vector, x: [L::Vector; 3]) -> [L::Vector; 3] {
+    [l.mul(a, x[0]), l.mul(a, x[1]), l.mul(a, x[2])]
+}
+
+#[inline(always)]
+fn dot<L: Lanes>(l: L, x: [L::Vector; 3], y: [L::Vector; 3]) -> L::Vector {
+    l.mul_add(x[2], y[2], l.mul_add(x[1], y[1], l.mul(x[0], y[0])))
+}
+
+/// The matrix with these rows times x.
+#[inline(always)]
+fn apply<L: Lanes>(l: L, rows: &[[L::Vector; 3]; 3], x: [L::Vector; 3]) -> [L::Vector; 3] {
+    [dot(l, rows[0], x), dot(l, rows[1], x), dot(l, rows[2], x)]
+}
+
+/// Its transpose times x.
+#[inline(always)]
+fn apply_transposed<L: Lanes>(l: L, rows: &[[L::Vector; 3]; 3], x: [L::Vector; 3]) -> [L::Vector; 3] {
+    moved(l, x[2], rows[2], moved(l, x[1], rows[1], scaled(l, x[0], rows[0])))
+}
+
+/// The rows of the rotation matrix of q.
+#[inline(always)]
+fn rotation<L: Lanes>(l: L, q: [L::Vector; 4]) -> [[L::Vector; 3]; 3] {
+    let [w, x, y, z] = q;
+    let (x2, y2, z2) = (l.add(x, x), l.add(y, y), l.add(z, z));
+    let (wx, wy, wz) = (l.mul(w, x2), l.mul(w, y2), l.mul(w, z2));
+    let (xx, xy, xz) = (l.mul(x, x2), l.mul(x, y2), l.mul(x, z2));
+    let (yy, yz, zz) = (l.mul(y, y2), l.mul(y, z2), l.mul(z, z2));
+    let unit = l.splat(1.0);
+    [
+        [l.sub(unit, l.add(yy, zz)), l.sub(xy, wz), l.add(xz, wy)],
+        [l.add(xy, wz), l.sub(unit, l.add(xx, zz)), l.sub(yz, wx)],
+        [l.sub(xz, wy), l.add(yz, wx), l.sub(unit, l.add(xx, yy))],
+    ]
+}
+
+/// Position, velocity, orientation and angular velocity of the bodies of a vector.
+#[derive(Clone, Copy)]
+struct Stage<L: Lanes> {
+    r: [L::Vector; 3],
+    v: [L::Vector; 3],
+    q: [L::Vector; 4],
+    omega: [L::Vector; 3],
+}
+
+/// Force in world axes and torque in the principal frame at a stage.
+#[inline(always)]
+fn wrench<L: Lanes>(l: L, terms: &Terms, at: usize, x: &Stage<L>) -> [[L::Vector; 3]; 2] {
+    let mut force = load(l, &terms.force, at);
+    let mut torque = moved(l, one(l, &terms.angular_drag, at), x.omega, load(l, &terms.torque, at));
+    if terms.has_drag {
+        let speed = l.sqrt(dot(l, x.v, x.v));
+        force = moved(l, l.mul(one(l, &terms.quadratic_drag, at), speed), x.v, force);
+    }
+    if let Some([of_position, of_velocity]) = &terms.linear {
+        for i in 0..3 {
+            let along = dot(l, load(l, &of_position[i], at), x.r);
+            force[i] = l.add(force[i], l.add(along, dot(l, load(l, &of_velocity[i], at), x.v)));
+        }
+    }
+    let unit = l.splat(1.0);
+    let mut axes = [[unit; 3]; 3];
+    if terms.needs_axes {
+        axes = rotation(l, x.q);
+        torque = sum(l, torque, apply_transposed(l, &axes, load(l, &terms.world_torque, at)));
+        force = sum(l, force, apply(l, &axes, load(l, &terms.thrust, at)));
+    }
+    for [push, point] in &terms.pushes {
+        let push = apply_transposed(l, &axes, load(l, push, at));
+        torque = sum(l, torque, cross(l, load(l, point, at), push));
+    }
+    for tie in &terms.ties {
+        let mut way = sub(l, x.r, load(l, &tie.centre, at));
+        let mut rate = x.v;
+        let point = load(l, &tie.point, at);
+        if tie.has_points {
+            way = sum(l, way, apply(l, &axes, point));
+            rate = sum(l, rate, apply(l, &axes, cross(l, x.omega, point)));
+        }
+        let square = dot(l, way, way);
+        let is_apart = l.less(l.splat(0.0), square);
+        let inverse = l.select(is_apart, l.div(unit, l.sqrt(square)), one(l, &tie.at_zero, at));
+        let [plain, damper] = &tie.strengths;
+        let plain = horner(l, plain, at, inverse);
+        let factor = l.mul_add(dot(l, way, rate), horner(l, damper, at, inverse), plain);
+        let pull = scaled(l, factor, way);
+        force = sum(l, force, pull);
+        if tie.has_points {
+            torque = sum(l, torque, cross(l, point, apply_transposed(l, &axes, pull)));
+        }
+    }
+    for plane in &terms.planes {
+        let (normal, point) = (load(l, &plane.normal, at), load(l, &plane.point, at));
+        let place = sum(l, x.r, apply(l, &axes, point));
+        let rate = sum(l, x.v, apply(l, &axes, cross(l, x.omega, point)));
+        let gap = l.sub(dot(l, normal, place), one(l, &plane.offset, at));
+        let damping = l.mul(one(l, &plane.damping, at), dot(l, normal, rate));
+        let push = l.sub(l.splat(0.0), l.mul_add(one(l, &plane.stiffness, at), gap, damping));
+        force = moved(l, push, normal, force);
+        let of_body = apply_transposed(l, &axes, scaled(l, push, normal));
+        torque = sum(l, torque, cross(l, point, of_body));
+    }
+    [force, torque]
+}
+
+/// x − y
+#[inline(always)]
+fn sub<L: Lanes>(l: L, x: [L::Vector; 3], y: [L::Vector; 3]) -> [L::Vector; 3] {
+    [l.sub(x[0], y[0]), l.sub(x[1], y[1]), l.sub(x[2], y[2])]
+}
+
+/// Σ cₙ xⁿ
+#[inline(always)]
+fn horner<L: Lanes>(l: L, strengths: &[Row; POWERS], at: usize, x: L::Vector) -> L::Vector {
+    let mut y = one(l, &strengths[POWERS - 1], at);
+    for n in (0..POWERS - 1).rev() {
+        y = l.mul_add(y, x, one(l, &strengths[n], at));
+    }
+    y
+}
+
+/// One step of those of the bodies `at..at + WIDTH` that move.
+#[inline(always)]
+fn step<L: Lanes>(l: L, tile: &mut ForcedTile, at: usize, moves: L::Mask) {
+    let x = Stage::<L> {
+        r: load(l, &tile.r, at),
+        v: load(l, &tile.v, at),
+        q: load(l, &tile.q, at),
+        omega: load(l, &tile.omega, at),
+    };
+    let h = one(l, &tile.h, at);
+    let (gyration, inverse_moments) = (load(l, &tile.gyration, at), load(l, &tile.inverse_moments, at));
+    let inverse_mass = one(l, &tile.inverse_mass, at);
+    let zero = [l.splat(0.0); 3];
+    // Sums of velocities, accelerations and their turning counterparts, by the weights of the stages.
+    let [mut way, mut gain, mut turn, mut spin_gain] = [zero; 4];
+    // Those of the stage before.
+    let [mut acceleration, mut spin_up] = [zero; 2];
+    let mut stage = x;
+    let quarter = l.mul(h, l.splat(0.25));
+    for (i, weight) in RUNGE_KUTTA_4.weights.factors.iter().enumerate() {
+        if i > 0 {
+            let node = l.mul(h, l.splat(RUNGE_KUTTA_4.nodes[i]));
+            let mut displacement = stage.omega;
+            if i == 2 {
+                displacement = moved(l, quarter, cross(l, x.omega, stage.omega), stage.omega);
+            }
+            let half_angle = l.mul(node, l.splat(0.5));
+            let (r, v) = (moved(l, node, stage.v, x.r), moved(l, node, acceleration, x.v));
+            let q = product(l, x.q, exp(l, scaled(l, half_angle, displacement)));
+            stage = Stage { r, v, q, omega: moved(l, node, spin_up, x.omega) };
+        }
+        let [force, torque] = wrench(l, &tile.terms, at, &stage);
+        acceleration = scaled(l, inverse_mass, force);
+        let [a, b, c] = stage.omega;
+        let products = [l.mul(b, c), l.mul(c, a), l.mul(a, b)];
+        spin_up = advance(l, advance(l, zero, inverse_moments, torque), gyration, products);
+        let weight = l.splat(*weight);
+        way = moved(l, weight, stage.v, way);
+        gain = moved(l, weight, acceleration, gain);
+        turn = moved(l, weight, stage.omega, turn);
+        spin_gain = moved(l, weight, spin_up, spin_gain);
+    }
+    let twelfth = l.mul(h, l.splat(1.0 / 12.0));
+    let turn = moved(l, twelfth, cross(l, x.omega, stage.omega), turn);
+    let half_angle = l.mul(h, l.splat(0.5));
+    let q = renormalise(l, product(l, x.q, exp(l, scaled(l, half_angle, turn))));
+    let next = [moved(l, h, way, x.r), moved(l, h, gain, x.v), moved(l, h, spin_gain, x.omega)];
+    store(l, select(l, moves, next[0], x.r), &mut tile.r, at);
+    store(l, select(l, moves, next[1], x.v), &mut tile.v, at);
+    store(l, select(l, moves, next[2], x.omega), &mut tile.omega, at);
+    store(l, select(l, moves, q, x.q), &mut tile.q, at);
+}
