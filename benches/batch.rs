@@ -6,9 +6,10 @@
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use nalgebra::{UnitQuaternion, Vector3};
 use rayon::ThreadPoolBuilder;
-use somersault_integrators::batch::{ForcedRuns, FreeBodyBatch, FreeRuns, InstructionSet, Runs};
+use somersault::core::cancel::CancellationToken;
+use somersault_integrators::batch::{AdaptedRuns, ForcedRuns, FreeBodyBatch, FreeRuns, InstructionSet, Runs};
 use somersault_integrators::body::RigidBody;
-use somersault_integrators::driver::TimeGrid;
+use somersault_integrators::driver::{Adaptive, Steps, TimeGrid};
 use somersault_integrators::force::{BoxedForce, Drag, ForceModel, Gravity, Spring};
 use somersault_integrators::methods::Method;
 use somersault_integrators::state::RigidBodyState;
@@ -99,6 +100,16 @@ fn forced_bodies(c: &mut Criterion) {
             b.iter(|| {
                 pool.install(|| ForcedRuns::try_new(&bodies, &grids, &terms).unwrap().from(&states).unwrap())
             });
+        });
+        let settings = Adaptive::with_tolerances(1e-9, 1e-9);
+        let adapted = vec![Steps::adapted((0.0, 1.0), settings); BODIES];
+        let token = CancellationToken::new();
+        group.bench_function(BenchmarkId::new("adapted in lanes", threads), |b| {
+            let runs = AdaptedRuns::try_new(&bodies, (0.0, 1.0), settings, &terms).unwrap();
+            b.iter(|| pool.install(|| runs.recorded(&states, &[1.0], &token).unwrap()));
+        });
+        group.bench_function(BenchmarkId::new("adapted rkmk8_b one at a time", threads), |b| {
+            b.iter(|| pool.install(|| Runs::new(&systems, Method::Rkmk8B, &adapted).from(&states).unwrap()));
         });
         group.bench_function(BenchmarkId::new("rkmk_b one at a time", threads), |b| {
             b.iter(|| pool.install(|| Runs::new(&systems, Method::RkmkB, &grids).from(&states).unwrap()));

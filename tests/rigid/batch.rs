@@ -4,9 +4,11 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use rayon::ThreadPoolBuilder;
 use somersault_core::cancel::CancellationToken;
 use somersault_core::{Inertia, lie::so3};
-use somersault_integrators::batch::{BatchError, ForcedRuns, FreeBodyBatch, FreeRuns, InstructionSet, Runs};
+use somersault_integrators::batch::{
+    AdaptedRuns, BatchError, ForcedRuns, FreeBodyBatch, FreeRuns, InstructionSet, Runs,
+};
 use somersault_integrators::body::RigidBody;
-use somersault_integrators::driver::{IntegrateError, TimeGrid};
+use somersault_integrators::driver::{Adaptive, IntegrateError, Steps, TimeGrid};
 use somersault_integrators::exact::FreeBody;
 use somersault_integrators::force::{ForceModel, Gravity, Spring, Wrench};
 use somersault_integrators::methods::Method;
@@ -554,4 +556,108 @@ fn forced_runs_refuse_what_they_cannot_move() {
     let token = CancellationToken::new();
     token.cancel();
     assert_eq!(runs.advance(&mut states.clone(), &token), Err(BatchError::Cancelled));
+}
+
+#[test]
+fn adapted_bodies_are_as_accurate_as_one_at_a_time() {
+    let (bodies, states, _, terms) = forced_flight(200);
+    let (interval, times) = ((0.0, 2.0), [0.7, 0.75, 2.0]);
+    let settings = Adaptive::with_tolerances(1e-9, 1e-9);
+    let runs = AdaptedRuns::try_new(&bodies, interval, settings, &terms).unwrap();
+    let found = runs.recorded(&states, &times, &CancellationToken::new()).unwrap();
+    let (mut sum, mut sum_alone) = (0.0, 0.0);
+    for i in 0..bodies.len() {
+        let system = under(bodies[i], SumOfTerms(terms[i].clone()));
+        let recorded = |tolerance| {
+            let steps = Steps::adapted(interval, Adaptive::with_tolerances(tolerance, tolerance));
+            let mut recorder = Recorder::at_times(interval, &states[i], times.into()).unwrap();
+            Run::new(&system, Method::Rkmk8B, steps).observed_by(&mut recorder).from(&states[i]).unwrap();
+            recorder.into_solution().states
+        };
+        let (fine, alone) = (recorded(1e-13), recorded(1e-9));
+        for k in 0..times.len() {
+            let gap = distance(&found[i][k], &fine[k]);
+            assert!(gap < 1e-7, "{i} at {}: {gap:e} {:?}", times[k], terms[i]);
+        }
+        sum += distance(&found[i][2], &fine[2]).ln();
+        sum_alone += distance(&alone[2], &fine[2]).max(1e-13).ln();
+    }
+    // in the geometric mean; steps that end at the times are shorter
+    let ratio = ((sum - sum_alone) / bodies.len() as f64).exp();
+    assert!((0.2..1.5).contains(&ratio), "{ratio}");
+}
+
+#[test]
+fn adapted_bodies_have_the_same_bits_in_any_company_and_by_any_instructions() {
+    let (bodies, states, _, terms) = forced_flight(130);
+    let (interval, times, token) = ((0.5, 1.5), [0.5, 1.0, 1.2], CancellationToken::new());
+    let settings = Adaptive::with_tolerances(1e-7, 1e-8);
+    let runs = AdaptedRuns::try_new(&bodies, interval, settings, &terms).unwrap();
+    let found = runs.recorded(&states, &times, &token).unwrap();
+    for set in InstructionSet::supported() {
+        assert_eq!(runs.recorded_with(set, &states, &times, &token).unwrap(), found, "{}", set.name());
+    }
+    for i in 0..bodies.len() {
+        assert_eq!(found[i][0], states[i]);
+        let alone = AdaptedRuns::try_new(&bodies[i..=i], interval, settings, &terms[i..=i]).unwrap();
+        assert_eq!(alone.recorded(&states[i..=i], &times, &token).unwrap()[0], found[i], "{i}");
+    }
+}
+
+/// A turn of more than a radian in a step takes the closed form of the correction for rotations that do not commute.
+#[test]
+fn free_bodies_are_adapted_as_exactly_as_the_tolerance_is_small() {
+    let (bodies, states, _) = flight(70);
+    let terms = vec![Vec::new(); 70];
+    let errors = [1e-3, 1e-6, 1e-9, 1e-12].map(|tolerance| {
+        let settings = Adaptive::with_tolerances(tolerance, tolerance);
+        let runs = AdaptedRuns::try_new(&bodies, (0.0, 20.0), settings, &terms).unwrap();
+        let found = runs.recorded(&states, &[20.0], &CancellationToken::new()).unwrap();
+        let exact = |i: usize| FreeBody::try_new(&bodies[i], &states[i]).unwrap().at(20.0).unwrap();
+        let error = |i: usize| so3::angle_between(found[i][0].orientation(), exact(i).orientation());
+        (0..70).map(error).fold(0.0, f64::max) / tolerance
+    });
+    assert!(errors.iter().all(|error| (0.1..300.0).contains(error)), "{errors:?}");
+}
+
+#[test]
+fn adapted_runs_refuse_what_they_cannot_move() {
+    let (bodies, mut states, _, terms) = forced_flight(70);
+    let (settings, token) = (Adaptive::with_tolerances(1e-6, 1e-6), CancellationToken::new());
+    let runs = |interval, settings| AdaptedRuns::try_new(&bodies, interval, settings, &terms);
+    assert!(matches!(runs((1.0, 0.0), settings), Err(BatchError::Integrate { .. })));
+    let few = runs((0.0, 1.0), Adaptive { max_steps: 3, max_step: 0.01, ..settings }).unwrap();
+    let spent = few.recorded(&states, &[1.0], &token).unwrap_err();
+    let is_spent = |error: &BatchError| {
+        matches!(
+            error,
+            BatchError::Integrate { index: 0, source: IntegrateError::Budget { max_steps: 3, .. } }
+        )
+    };
+    assert!(is_spent(&spent), "{spent}");
+    let all = runs((0.0, 1.0), settings).unwrap();
+    assert!(matches!(all.recorded(&states, &[1.5], &token), Err(BatchError::Integrate { .. })));
+    let short = all.recorded(&states[1..], &[1.0], &token);
+    assert_eq!(short, Err(BatchError::Length { argument: "states", expected: 70, found: 69 }));
+    states[68].rate.linear.x = f64::NAN;
+    let unknown = all.recorded(&states, &[1.0], &token).unwrap_err();
+    let is_unknown = |error: &BatchError| {
+        matches!(error, BatchError::Integrate { index: 68, source: IntegrateError::InitialState { .. } })
+    };
+    assert!(is_unknown(&unknown), "{unknown}");
+    // drawn to the centre that it is at, a body has no force, and the others go on
+    states[68].rate.linear.x = 0.0;
+    let mut terms = terms.clone();
+    terms[68] = vec![WrenchTerm::CentralForce {
+        centre: *states[68].position(),
+        point: Vector3::zeros(),
+        strength: -1.0,
+        power: -3.0,
+        is_damper: false,
+    }];
+    let drawn = AdaptedRuns::try_new(&bodies, (0.0, 1.0), settings, &terms).unwrap();
+    let error = drawn.recorded(&states, &[1.0], &token).unwrap_err();
+    assert!(matches!(error, BatchError::Integrate { index: 68, .. }), "{error}");
+    token.cancel();
+    assert_eq!(all.recorded(&states, &[1.0], &token), Err(BatchError::Cancelled));
 }

@@ -1,7 +1,7 @@
 //! The Taylor series method: its motions against closed forms and another method, and what it refuses.
 
 use somersault::integrators::driver::IntegrateError;
-use somersault::integrators::force::{BoxedForce, CentralGravity, ScheduledTorque};
+use somersault::integrators::force::{BoxedForce, CentralGravity, ScheduledTorque, Wrench};
 use somersault::integrators::methods::TaylorSeries;
 use somersault::integrators::orbit::{Elements, Orbit};
 use somersault::integrators::reversal::{TimeReversed, reversed};
@@ -81,6 +81,25 @@ fn forces() -> Vec<(&'static str, BoxedForce)> {
 
 fn together() -> Vec<BoxedForce> {
     forces().into_iter().map(|(_, force)| force).collect()
+}
+
+#[test]
+fn the_terms_of_a_force_sum_to_its_wrench() {
+    let mut random = Random::new(3);
+    for (name, force) in forces() {
+        for body in [body(), skewed()] {
+            let mut terms = Vec::new();
+            assert!(force.add_terms(&body, &mut terms), "{name}");
+            for _ in 0..20 {
+                let [r, v, w] = [2.0, 3.0, 4.0].map(|size| random.vector(size));
+                let x = RigidBodyState::new(r, random.rotation(), v, w);
+                let sum = terms.iter().fold(Wrench::default(), |sum, term| sum + term.wrench(&x));
+                let wrench = force.wrench(0.0, &body, &x);
+                assert!((sum.force - wrench.force).norm() < 1e-13 * (1.0 + wrench.force.norm()), "{name}");
+                assert!((sum.torque - wrench.torque).norm() < 1e-13 * (1.0 + wrench.torque.norm()), "{name}");
+            }
+        }
+    }
 }
 
 /// Against the method of order 8, whose error at the end is below 1e-12.

@@ -50,6 +50,7 @@
 //! À. Jorba and M. Zou, Experimental Mathematics 14 (2005) 99; the products of quaternions are Hamilton's.
 
 use crate::body::RigidBody;
+use crate::force::Wrench;
 use crate::state::{Pose, RigidBodyState, Twist};
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3, Vector4};
 use somersault_core::lanes::{Quad, QuadKernel, places, run_on_quads};
@@ -117,6 +118,39 @@ pub enum WrenchTerm {
 }
 
 impl WrenchTerm {
+    /// Force and torque in a state. A central force that is bounded near its centre, as that of a spring, is zero there.
+    pub fn wrench(&self, x: &RigidBodyState) -> Wrench {
+        let (force, point) = match *self {
+            Self::Torque(torque) => return torque_alone(x.orientation() * torque),
+            Self::WorldTorque(torque) => return torque_alone(torque),
+            Self::AngularDrag(c) => return torque_alone(x.angular_velocity() * c),
+            Self::Force(force) => (force, Vector3::zeros()),
+            Self::ForceAtPoint { force, point } => (force, point),
+            Self::Thrust(force) => (x.orientation() * force, Vector3::zeros()),
+            Self::LinearForce { position, velocity } => {
+                (position * x.position() + velocity * x.velocity(), Vector3::zeros())
+            }
+            Self::CentralForce { centre, point, strength, power, is_damper } => {
+                let arm = x.orientation() * point;
+                let way = x.position() + arm - centre;
+                let rate = x.velocity() + x.angular_velocity().cross(&arm);
+                let factor = if is_damper { way.dot(&rate) } else { 1.0 };
+                let growth = power + if is_damper { 2.0 } else { 1.0 };
+                let is_at_centre = way == Vector3::zeros() && growth >= 0.0;
+                let size = if is_at_centre { 0.0 } else { way.norm().powf(power) };
+                (way * (strength * size * factor), point)
+            }
+            Self::QuadraticDrag(c) => (x.velocity() * (c * x.velocity().norm()), Vector3::zeros()),
+            Self::Support { normal, offset, point, stiffness, damping } => {
+                let arm = x.orientation() * point;
+                let gap = normal.dot(&(x.position() + arm)) - offset;
+                let rate = normal.dot(&(x.velocity() + x.angular_velocity().cross(&arm)));
+                (normal * -(stiffness * gap + damping * rate), point)
+            }
+        };
+        Wrench { force, torque: (x.orientation() * point).cross(&force) }
+    }
+
     /// The term of the same forces where time runs backwards, and with it the velocities.
     pub(crate) fn reversed(self) -> Self {
         match self {
@@ -141,6 +175,10 @@ impl WrenchTerm {
 
 /// Below 1 by what keeps a step off the edge of the disc in which the series of a length converges.
 const MARGIN: f64 = 0.75;
+
+fn torque_alone(torque: Vector3<f64>) -> Wrench {
+    Wrench { force: Vector3::zeros(), torque }
+}
 
 /// Three or four numbers; of three, the fourth is zero.
 type Entry = [f64; 4];

@@ -170,7 +170,9 @@ impl StepSizeControl {
             let (integral, proportional) = (0.85 / self.order, 0.2 / self.order);
             let growth = SAFETY * (proportional * self.last_log_error - integral * log_error).exp();
             let most = if self.just_rejected { 1.0 } else { 5.0 };
-            self.h = (step * growth.min(most).clamp(0.2, 5.0)).min(self.settings.max_step);
+            // one that was cut short by the end says nothing against the size that was planned
+            let planned = if step < self.h { self.h } else { 0.0 };
+            self.h = (step * growth.min(most).clamp(0.2, 5.0)).max(planned).min(self.settings.max_step);
             self.last_log_error = log_error.max(LEAST_REMEMBERED);
             (self.just_rejected, self.is_fixed) = (false, false);
             return Ok(true);

@@ -197,7 +197,7 @@ impl Terms {
     }
 }
 
-/// The power of a central force that is none of 0, −1, −2 and −3, if there is one.
+/// The power of a central force other than 0, −1, −2 and −3, if there is one.
 pub(super) fn foreign_power(terms: &[WrenchTerm]) -> Option<f64> {
     terms.iter().find_map(|term| match term {
         WrenchTerm::CentralForce { power, .. } => {
@@ -221,39 +221,72 @@ fn add_matrix(rows: &mut [[Row; 3]; 3], at: usize, m: &Matrix3<f64>) {
     }
 }
 
-/// The states of up to [`TILE`] bodies, their terms, and what their steps need. Entries that no body fills have no steps.
-pub(super) struct ForcedTile {
+/// States of up to [`TILE`] bodies.
+pub(super) struct States {
     /// r, v, q (principal frame → world, real part first), ω (principal frame).
     r: [Row; 3],
     v: [Row; 3],
     q: [Row; 4],
     omega: [Row; 3],
+}
+
+impl States {
+    /// All at rest.
+    pub(super) fn new() -> Self {
+        Self { r: [ZERO; 3], v: [ZERO; 3], q: [Row([1.0; TILE]), ZERO, ZERO, ZERO], omega: [ZERO; 3] }
+    }
+
+    /// The bodies `at..at + WIDTH`.
+    #[inline(always)]
+    pub(super) fn load<L: Lanes>(&self, l: L, at: usize) -> Stage<L> {
+        Stage {
+            r: load(l, &self.r, at),
+            v: load(l, &self.v, at),
+            q: load(l, &self.q, at),
+            omega: load(l, &self.omega, at),
+        }
+    }
+
+    /// Puts the bodies `at..at + WIDTH` there.
+    #[inline(always)]
+    pub(super) fn store<L: Lanes>(&mut self, l: L, at: usize, x: &Stage<L>) {
+        store(l, x.r, &mut self.r, at);
+        store(l, x.v, &mut self.v, at);
+        store(l, x.q, &mut self.q, at);
+        store(l, x.omega, &mut self.omega, at);
+    }
+
+    /// Takes the state of the body in entry `at` from others.
+    pub(super) fn take(&mut self, at: usize, others: &Self) {
+        let take = |rows: &mut [Row], others: &[Row]| {
+            rows.iter_mut().zip(others).for_each(|(row, other)| row.0[at] = other.0[at]);
+        };
+        take(&mut self.r, &others.r);
+        take(&mut self.v, &others.v);
+        take(&mut self.q, &others.q);
+        take(&mut self.omega, &others.omega);
+    }
+}
+
+/// Up to [`TILE`] bodies in their states under their terms.
+pub(super) struct Moving {
+    pub(super) states: States,
     terms: Terms,
     /// (I₂ − I₃)/I₁ and cyclic, 1/I₁ and so on, 1/m.
     gyration: [Row; 3],
     inverse_moments: [Row; 3],
     inverse_mass: Row,
-    /// The step of each body, and how many it makes.
-    h: Row,
-    steps: Row,
-    steps_range: (u64, u64),
 }
 
-impl ForcedTile {
-    /// A tile without bodies.
+impl Moving {
+    /// No bodies.
     pub(super) fn new() -> Self {
         Self {
-            r: [ZERO; 3],
-            v: [ZERO; 3],
-            q: [Row([1.0; TILE]), ZERO, ZERO, ZERO],
-            omega: [ZERO; 3],
+            states: States::new(),
             terms: Terms::new(),
             gyration: [ZERO; 3],
             inverse_moments: [ZERO; 3],
             inverse_mass: ZERO,
-            h: ZERO,
-            steps: ZERO,
-            steps_range: (u64::MAX, 0),
         }
     }
 
@@ -266,10 +299,10 @@ impl ForcedTile {
         }
         self.inverse_mass.0[at] = 1.0 / body.mass();
         let q = x.orientation() * axes;
-        set_vector(&mut self.r, at, x.position());
-        set_vector(&mut self.v, at, x.velocity());
-        set_vector(&mut self.omega, at, &(q.inverse() * x.angular_velocity()));
-        for (row, x) in self.q.iter_mut().zip([q.w, q.i, q.j, q.k]) {
+        set_vector(&mut self.states.r, at, x.position());
+        set_vector(&mut self.states.v, at, x.velocity());
+        set_vector(&mut self.states.omega, at, &(q.inverse() * x.angular_velocity()));
+        for (row, x) in self.states.q.iter_mut().zip([q.w, q.i, q.j, q.k]) {
             row.0[at] = x;
         }
         self.terms.add(at, axes, terms);
@@ -278,27 +311,55 @@ impl ForcedTile {
     /// The state of the body in entry `at`.
     pub(super) fn state(&self, at: usize, body: &RigidBody) -> RigidBodyState {
         let vector = |rows: &[Row; 3]| Vector3::from(rows.each_ref().map(|row| row.0[at]));
-        let [w, x, y, z] = self.q.each_ref().map(|row| row.0[at]);
+        let States { r, v, q, omega } = &self.states;
+        let [w, x, y, z] = q.each_ref().map(|row| row.0[at]);
         let q = UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z));
         RigidBodyState::new(
-            vector(&self.r),
+            vector(r),
             q * body.inertia().principal_axes().inverse(),
-            vector(&self.v),
-            q * vector(&self.omega),
+            vector(v),
+            q * vector(omega),
         )
+    }
+
+    /// Acceleration in world axes and angular acceleration in the principal frame of the bodies `at..at + WIDTH` at a stage.
+    #[inline(always)]
+    pub(super) fn accelerations<L: Lanes>(&self, l: L, at: usize, x: &Stage<L>) -> [[L::Vector; 3]; 2] {
+        let [force, torque] = wrench(l, &self.terms, at, x);
+        let [a, b, c] = x.omega;
+        let products = [l.mul(b, c), l.mul(c, a), l.mul(a, b)];
+        let inverse_moments = load(l, &self.inverse_moments, at);
+        let of_torque = advance(l, [l.splat(0.0); 3], inverse_moments, torque);
+        let spin_up = advance(l, of_torque, load(l, &self.gyration, at), products);
+        [scaled(l, one(l, &self.inverse_mass, at), force), spin_up]
+    }
+}
+
+/// Bodies of a tile, and what their fixed steps need. Entries that no body fills have no steps.
+pub(super) struct ForcedTile {
+    pub(super) bodies: Moving,
+    /// The step of each body, and how many it makes.
+    h: Row,
+    steps: Row,
+    most_steps: u64,
+}
+
+impl ForcedTile {
+    /// A tile of bodies that are held.
+    pub(super) fn new(bodies: Moving) -> Self {
+        Self { bodies, h: ZERO, steps: ZERO, most_steps: 0 }
     }
 
     /// Holds all bodies.
     pub(super) fn hold(&mut self) {
-        self.steps = ZERO;
-        self.steps_range = (u64::MAX, 0);
+        (self.steps, self.most_steps) = (ZERO, 0);
     }
 
     /// Says how many steps of which size the body in entry `at` makes next.
     pub(super) fn take(&mut self, at: usize, h: f64, steps: u64) {
         self.h.0[at] = h;
         self.steps.0[at] = steps as f64;
-        self.steps_range = (self.steps_range.0.min(steps), self.steps_range.1.max(steps));
+        self.most_steps = self.most_steps.max(steps);
     }
 }
 
@@ -308,12 +369,19 @@ impl Kernel for &mut ForcedTile {
 
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
-        let (_, largest) = self.steps_range;
-        for done in 0..largest {
+        for done in 0..self.most_steps {
             let done = lanes.splat(done as f64);
             for at in (0..TILE).step_by(L::WIDTH) {
-                let moves = lanes.less(done, lanes.load(&self.steps.0[at..at + L::WIDTH]));
-                step(lanes, self, at, moves);
+                let moves = lanes.less(done, one(lanes, &self.steps, at));
+                let x = self.bodies.states.load(lanes, at);
+                let next = step(lanes, &self.bodies, at, &x, one(lanes, &self.h, at));
+                let kept = Stage {
+                    r: select(lanes, moves, next.r, x.r),
+                    v: select(lanes, moves, next.v, x.v),
+                    q: select(lanes, moves, next.q, x.q),
+                    omega: select(lanes, moves, next.omega, x.omega),
+                };
+                self.bodies.states.store(lanes, at, &kept);
             }
         }
     }
@@ -321,23 +389,23 @@ impl Kernel for &mut ForcedTile {
 
 /// A row at the bodies `at..at + WIDTH`.
 #[inline(always)]
-fn one<L: Lanes>(l: L, row: &Row, at: usize) -> L::Vector {
+pub(super) fn one<L: Lanes>(l: L, row: &Row, at: usize) -> L::Vector {
     l.load(&row.0[at..at + L::WIDTH])
 }
 
 /// a x + y, with one number a for all components.
 #[inline(always)]
-fn moved<L: Lanes>(l: L, a: L::Vector, x: [L::Vector; 3], y: [L::Vector; 3]) -> [L::Vector; 3] {
+pub(super) fn moved<L: Lanes>(l: L, a: L::Vector, x: [L::Vector; 3], y: [L::Vector; 3]) -> [L::Vector; 3] {
     advance(l, y, [a; 3], x)
 }
 
 #[inline(always)]
-fn scaled<L: Lanes>(l: L, a: L::Vector, x: [L::Vector; 3]) -> [L::Vector; 3] {
+pub(super) fn scaled<L: Lanes>(l: L, a: L::Vector, x: [L::Vector; 3]) -> [L::Vector; 3] {
     [l.mul(a, x[0]), l.mul(a, x[1]), l.mul(a, x[2])]
 }
 
 #[inline(always)]
-fn dot<L: Lanes>(l: L, x: [L::Vector; 3], y: [L::Vector; 3]) -> L::Vector {
+pub(super) fn dot<L: Lanes>(l: L, x: [L::Vector; 3], y: [L::Vector; 3]) -> L::Vector {
     l.mul_add(x[2], y[2], l.mul_add(x[1], y[1], l.mul(x[0], y[0])))
 }
 
@@ -371,11 +439,11 @@ fn rotation<L: Lanes>(l: L, q: [L::Vector; 4]) -> [[L::Vector; 3]; 3] {
 
 /// Position, velocity, orientation and angular velocity of the bodies of a vector.
 #[derive(Clone, Copy)]
-struct Stage<L: Lanes> {
-    r: [L::Vector; 3],
-    v: [L::Vector; 3],
-    q: [L::Vector; 4],
-    omega: [L::Vector; 3],
+pub(super) struct Stage<L: Lanes> {
+    pub(super) r: [L::Vector; 3],
+    pub(super) v: [L::Vector; 3],
+    pub(super) q: [L::Vector; 4],
+    pub(super) omega: [L::Vector; 3],
 }
 
 /// Force in world axes and torque in the principal frame at a stage.
@@ -454,24 +522,15 @@ fn horner<L: Lanes>(l: L, strengths: &[Row; POWERS], at: usize, x: L::Vector) ->
     y
 }
 
-/// One step of those of the bodies `at..at + WIDTH` that move.
+/// One step of h of the bodies `at..at + WIDTH`, which are at x.
 #[inline(always)]
-fn step<L: Lanes>(l: L, tile: &mut ForcedTile, at: usize, moves: L::Mask) {
-    let x = Stage::<L> {
-        r: load(l, &tile.r, at),
-        v: load(l, &tile.v, at),
-        q: load(l, &tile.q, at),
-        omega: load(l, &tile.omega, at),
-    };
-    let h = one(l, &tile.h, at);
-    let (gyration, inverse_moments) = (load(l, &tile.gyration, at), load(l, &tile.inverse_moments, at));
-    let inverse_mass = one(l, &tile.inverse_mass, at);
+fn step<L: Lanes>(l: L, bodies: &Moving, at: usize, x: &Stage<L>, h: L::Vector) -> Stage<L> {
     let zero = [l.splat(0.0); 3];
     // Sums of velocities, accelerations and their turning counterparts, by the weights of the stages.
     let [mut way, mut gain, mut turn, mut spin_gain] = [zero; 4];
     // Those of the stage before.
     let [mut acceleration, mut spin_up] = [zero; 2];
-    let mut stage = x;
+    let mut stage = *x;
     let quarter = l.mul(h, l.splat(0.25));
     for (i, weight) in RUNGE_KUTTA_4.weights.factors.iter().enumerate() {
         if i > 0 {
@@ -485,11 +544,7 @@ fn step<L: Lanes>(l: L, tile: &mut ForcedTile, at: usize, moves: L::Mask) {
             let q = product(l, x.q, exp(l, scaled(l, half_angle, displacement)));
             stage = Stage { r, v, q, omega: moved(l, node, spin_up, x.omega) };
         }
-        let [force, torque] = wrench(l, &tile.terms, at, &stage);
-        acceleration = scaled(l, inverse_mass, force);
-        let [a, b, c] = stage.omega;
-        let products = [l.mul(b, c), l.mul(c, a), l.mul(a, b)];
-        spin_up = advance(l, advance(l, zero, inverse_moments, torque), gyration, products);
+        [acceleration, spin_up] = bodies.accelerations(l, at, &stage);
         let weight = l.splat(*weight);
         way = moved(l, weight, stage.v, way);
         gain = moved(l, weight, acceleration, gain);
@@ -500,9 +555,5 @@ fn step<L: Lanes>(l: L, tile: &mut ForcedTile, at: usize, moves: L::Mask) {
     let turn = moved(l, twelfth, cross(l, x.omega, stage.omega), turn);
     let half_angle = l.mul(h, l.splat(0.5));
     let q = renormalise(l, product(l, x.q, exp(l, scaled(l, half_angle, turn))));
-    let next = [moved(l, h, way, x.r), moved(l, h, gain, x.v), moved(l, h, spin_gain, x.omega)];
-    store(l, select(l, moves, next[0], x.r), &mut tile.r, at);
-    store(l, select(l, moves, next[1], x.v), &mut tile.v, at);
-    store(l, select(l, moves, next[2], x.omega), &mut tile.omega, at);
-    store(l, select(l, moves, q, x.q), &mut tile.q, at);
+    Stage { r: moved(l, h, way, x.r), v: moved(l, h, gain, x.v), q, omega: moved(l, h, spin_gain, x.omega) }
 }

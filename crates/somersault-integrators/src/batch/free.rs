@@ -275,7 +275,13 @@ const ROUND: f64 = 6755399441055744.0;
 #[inline(always)]
 pub(super) fn exp<L: Lanes>(l: L, phi: [L::Vector; 3]) -> [L::Vector; 4] {
     let square = l.mul_add(phi[1], phi[1], l.mul(phi[0], phi[0]));
-    let square = l.mul_add(phi[2], phi[2], square);
+    let [c, s] = cos_sinc(l, l.mul_add(phi[2], phi[2], square));
+    [c, l.mul(s, phi[0]), l.mul(s, phi[1]), l.mul(s, phi[2])]
+}
+
+/// ±(cos, sin(x)/x) at x = √`square`, the sign + below π/4.
+#[inline(always)]
+pub(super) fn cos_sinc<L: Lanes>(l: L, square: L::Vector) -> [L::Vector; 2] {
     let small = l.less(square, l.splat(SMALL));
     let (mut c, mut s) = (cos(l, square), sinc(l, square));
     if !l.all(small) {
@@ -283,7 +289,7 @@ pub(super) fn exp<L: Lanes>(l: L, phi: [L::Vector; 3]) -> [L::Vector; 4] {
         c = l.select(small, c, c_large);
         s = l.select(small, s, s_large);
     }
-    [c, l.mul(s, phi[0]), l.mul(s, phi[1]), l.mul(s, phi[2])]
+    [c, s]
 }
 
 /// ±(cos, sin(x)/x) at x = √`square` of any size.
@@ -348,7 +354,7 @@ fn sinc<L: Lanes>(l: L, z: L::Vector) -> L::Vector {
 
 /// Horner's scheme, the constant coefficient first.
 #[inline(always)]
-fn polynomial<L: Lanes, const N: usize>(l: L, z: L::Vector, coefficients: [f64; N]) -> L::Vector {
+pub(super) fn polynomial<L: Lanes, const N: usize>(l: L, z: L::Vector, coefficients: [f64; N]) -> L::Vector {
     let mut y = l.splat(coefficients[N - 1]);
     for i in (0..N - 1).rev() {
         y = l.mul_add(y, z, l.splat(coefficients[i]));

@@ -6,6 +6,7 @@
 //! |---|---|---|
 //! | [`FreeRuns`] | bodies, free or under uniform gravity | Runge–Kutta–Munthe-Kaas of order 4 in the body frame, vectorised, and the parabola of the centre of mass |
 //! | [`ForcedRuns`] | bodies under sums of [`WrenchTerm`]s: constant and central forces, springs, drag, torques, planes | the same with all stages, vectorised |
+//! | [`AdaptedRuns`] | the same, by adapted steps | Runge–Kutta–Munthe-Kaas of order 8 in the body frame, vectorised |
 //! | [`Runs`] | any | any of the table, one [`Run`] at a time on each core |
 //! | [`FreeBodyBatch`] | free bodies, rotation only | the vectorised kernel under the first |
 //!
@@ -33,21 +34,25 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod adapted;
 mod forced;
 mod free;
 
 pub use somersault_core::lanes::InstructionSet;
 
 use crate::body::RigidBody;
-use crate::driver::{IntegrateError, Outcome, Steps, TimeGrid};
-use crate::force::Gravity;
-use crate::methods::{Forms, Method, Options};
+use crate::driver::{Adaptive, IntegrateError, Outcome, Steps, TimeGrid, check_interval, check_state};
+use crate::force::{ForceModel, Gravity, Wrench};
+use crate::methods::{Dop853, Forms, Method, Options, RungeKuttaMuntheKaas};
 use crate::run::Run;
 use crate::series::WrenchTerm;
-use crate::solution::Recorder;
+use crate::solution::{Recorder, check_times};
 use crate::state::RigidBodyState;
-use crate::system::{StateOf, System};
-use forced::ForcedTile;
+use crate::step_size::StepSizeControl;
+use crate::stepper::Scheme;
+use crate::system::{RigidBodySystem, StateOf, System};
+use adapted::AdaptedTile;
+use forced::{ForcedTile, Moving};
 use free::{TILE, Tile};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use rayon::prelude::*;
@@ -250,13 +255,8 @@ impl<'a> ForcedRuns<'a> {
         terms: &'a [Vec<WrenchTerm>],
     ) -> Result<Self, BatchError> {
         check_length("grids", bodies.len(), grids.len())?;
-        check_length("terms", bodies.len(), terms.len())?;
-        let found = terms
-            .iter()
-            .enumerate()
-            .find_map(|(body, terms)| forced::foreign_power(terms).map(|found| (body, found)));
-        found
-            .map_or(Ok(Self { bodies, grids, terms }), |(body, found)| Err(BatchError::Power { body, found }))
+        check_terms(bodies, terms)?;
+        Ok(Self { bodies, grids, terms })
     }
 
     /// Runs from a state of each body to the end of its grid.
@@ -291,10 +291,11 @@ impl<'a> ForcedRuns<'a> {
             token,
             || (),
             |(), order, states| {
-                let mut tile = ForcedTile::new();
+                let mut moving = Moving::new();
                 for (at, (&i, x)) in order.iter().zip(&*states).enumerate() {
-                    tile.set(at, &bodies[i], x, &terms[i]);
+                    moving.set(at, &bodies[i], x, &terms[i]);
                 }
+                let mut tile = ForcedTile::new(moving);
                 let whole = |i: usize| (grids[i].dt(), grids[i].full_steps());
                 let rest = |i: usize| (last_step(&grids[i]), 1);
                 for of in [&whole as &dyn Fn(usize) -> (f64, u64), &rest] {
@@ -308,10 +309,211 @@ impl<'a> ForcedRuns<'a> {
                     });
                 }
                 for (at, (&i, x)) in order.iter().zip(states).enumerate() {
-                    *x = tile.state(at, &bodies[i]);
+                    *x = tile.bodies.state(at, &bodies[i]);
                 }
             },
         )
+    }
+}
+
+/// Runs of bodies under forces that are sums of terms, with steps that are adapted for each body by itself.
+///
+/// The method is `rkmk8_b` of the table ([`Method::Rkmk8B`]) in principal axes, its estimate of the error and its control of the steps.
+///
+/// ```
+/// use nalgebra::Vector3;
+/// use somersault_core::cancel::CancellationToken;
+/// use somersault_integrators::batch::AdaptedRuns;
+/// use somersault_integrators::body::RigidBody;
+/// use somersault_integrators::driver::Adaptive;
+/// use somersault_integrators::series::WrenchTerm;
+/// use somersault_integrators::state::RigidBodyState;
+///
+/// let bodies = vec![RigidBody::try_box(2.0, Vector3::new(1.0, 2.0, 3.0))?; 100];
+/// let terms: Vec<_> = (0..100).map(|i| vec![WrenchTerm::AngularDrag(-0.01 * f64::from(i))]).collect();
+/// let starts = vec![RigidBodyState::spinning(Vector3::x()); 100];
+/// let runs = AdaptedRuns::try_new(&bodies, (0.0, 2.0), Adaptive::with_tolerances(1e-9, 1e-9), &terms)?;
+/// let at = runs.recorded(&starts, &[1.0, 2.0], &CancellationToken::new())?;
+/// // About an axis of inertia the rate decays as exp(−c t / I).
+/// let moment = bodies[0].inertia().principal_moments().max();
+/// assert!((at[99][1].angular_velocity().x - (-0.99 * 2.0 / moment).exp()).abs() < 1e-8);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug, Clone, Copy)]
+#[must_use = "runs begin with states, `recorded`"]
+pub struct AdaptedRuns<'a> {
+    bodies: &'a [RigidBody],
+    interval: (f64, f64),
+    settings: Adaptive,
+    terms: &'a [Vec<WrenchTerm>],
+}
+
+impl<'a> AdaptedRuns<'a> {
+    /// Of each body under the sum of its terms, from one time to another.
+    ///
+    /// Errors: an interval that is empty, backwards or not finite; slices of different lengths; a central force whose power is not 0, −1, −2
+    /// or −3.
+    pub fn try_new(
+        bodies: &'a [RigidBody],
+        interval: (f64, f64),
+        settings: Adaptive,
+        terms: &'a [Vec<WrenchTerm>],
+    ) -> Result<Self, BatchError> {
+        check_interval(interval.0, interval.1)
+            .map_err(|source| BatchError::Integrate { index: 0, source })?;
+        check_terms(bodies, terms)?;
+        Ok(Self { bodies, interval, settings, terms })
+    }
+
+    /// The states of each body at times within the interval, each after the one before. A step ends at each of them; the next has the size
+    /// that was planned before.
+    ///
+    /// Errors: slices of different lengths, times outside of the interval, the first failure by index of the bodies, and
+    /// [`BatchError::Cancelled`].
+    pub fn recorded(
+        self,
+        states: &[RigidBodyState],
+        t_eval: &[f64],
+        token: &CancellationToken,
+    ) -> Result<Vec<Vec<RigidBodyState>>, BatchError> {
+        self.recorded_with(InstructionSet::detect(), states, t_eval, token)
+    }
+
+    /// [`recorded`](Self::recorded) with chosen vector instructions, which change the duration and not the result.
+    pub fn recorded_with(
+        self,
+        instructions: InstructionSet,
+        states: &[RigidBodyState],
+        t_eval: &[f64],
+        token: &CancellationToken,
+    ) -> Result<Vec<Vec<RigidBodyState>>, BatchError> {
+        check_length("states", self.bodies.len(), states.len())?;
+        check_times(self.interval, t_eval)
+            .map_err(|source| BatchError::Integrate { index: 0, source: source.into() })?;
+        let numbers: Vec<usize> = (0..states.len()).collect();
+        let of_tiles: Vec<Vec<Result<_, IntegrateError>>> = numbers
+            .par_chunks(TILE)
+            .map(|members| self.tile_recorded(instructions, members, states, t_eval, token))
+            .collect();
+        if token.is_cancelled() {
+            return Err(BatchError::Cancelled);
+        }
+        each_named(of_tiles.into_iter().flatten().collect())
+    }
+
+    /// The same of the bodies of one tile.
+    fn tile_recorded(
+        &self,
+        instructions: InstructionSet,
+        members: &[usize],
+        states: &[RigidBodyState],
+        t_eval: &[f64],
+        token: &CancellationToken,
+    ) -> Vec<Result<Vec<RigidBodyState>, IntegrateError>> {
+        let Self { bodies, interval: (start, _), settings, terms } = self;
+        let mut moving = Moving::new();
+        for (at, &i) in members.iter().enumerate() {
+            moving.set(at, &bodies[i], &states[i], &terms[i]);
+        }
+        let mut tile = AdaptedTile::new(moving, settings.tolerances);
+        let began = |&i: &usize| OneRun::try_new(&bodies[i], &states[i], &terms[i], *start, settings, t_eval);
+        let mut runs: Vec<_> = members.iter().map(began).collect();
+        while !token.is_cancelled() {
+            let mut are_done = true;
+            for (at, run) in runs.iter_mut().enumerate() {
+                let h = match run {
+                    Ok(run) => run.propose(t_eval),
+                    Err(_) => continue,
+                };
+                match h {
+                    Ok(h) => {
+                        tile.h.0[at] = h;
+                        are_done &= h == 0.0;
+                    }
+                    Err(error) => *run = Err(error),
+                }
+            }
+            if are_done {
+                break;
+            }
+            instructions.run(&mut tile);
+            for (at, (run, &i)) in runs.iter_mut().zip(members).enumerate() {
+                let Ok(moving) = run else { continue };
+                match moving.judge(tile.h.0[at], tile.error(at)) {
+                    Ok(true) => {
+                        tile.accept(at);
+                        moving.keep(t_eval, || tile.bodies.state(at, &bodies[i]));
+                    }
+                    Ok(false) => {}
+                    Err(error) => {
+                        tile.h.0[at] = 0.0;
+                        *run = Err(error);
+                    }
+                }
+            }
+        }
+        runs.into_iter().map(|run| run.map(|run| run.kept)).collect()
+    }
+}
+
+/// Where the run of one of the bodies of a tile is.
+struct OneRun {
+    t: f64,
+    /// Where the step that is tried ends.
+    t_after: f64,
+    control: StepSizeControl,
+    kept: Vec<RigidBodyState>,
+}
+
+impl OneRun {
+    fn try_new(
+        body: &RigidBody,
+        x: &RigidBodyState,
+        terms: &[WrenchTerm],
+        t: f64,
+        settings: &Adaptive,
+        t_eval: &[f64],
+    ) -> Result<Self, IntegrateError> {
+        check_state(x)?;
+        let system = RigidBodySystem::new(*body, SumOfTerms(terms));
+        let control =
+            StepSizeControl::try_new(settings, &RungeKuttaMuntheKaas::<Dop853>::INFO, &system, t, x)?;
+        let mut run = Self { t, t_after: t, control, kept: Vec::with_capacity(t_eval.len()) };
+        run.keep(t_eval, || *x);
+        Ok(run)
+    }
+
+    /// The next step towards the next of the times, zero behind the last.
+    fn propose(&mut self, t_eval: &[f64]) -> Result<f64, IntegrateError> {
+        let Some(&end) = t_eval.get(self.kept.len()) else { return Ok(0.0) };
+        let (h, t_after) = self.control.propose(self.t, end)?;
+        self.t_after = t_after;
+        Ok(h)
+    }
+
+    /// Whether the step that was tried is accepted, with its error; none was, if it had no size.
+    fn judge(&mut self, h: f64, error: f64) -> Result<bool, IntegrateError> {
+        let is_accepted = h > 0.0 && self.control.accepts(self.t, h, error)?;
+        if is_accepted {
+            self.t = self.t_after;
+        }
+        Ok(is_accepted)
+    }
+
+    /// Keeps the state where it is that of the next of the times.
+    fn keep(&mut self, t_eval: &[f64], state: impl FnOnce() -> RigidBodyState) {
+        if t_eval.get(self.kept.len()) == Some(&self.t) {
+            self.kept.push(state());
+        }
+    }
+}
+
+/// A force that is a sum of terms.
+struct SumOfTerms<'a>(&'a [WrenchTerm]);
+
+impl ForceModel for SumOfTerms<'_> {
+    fn wrench(&self, _: f64, _: &RigidBody, x: &RigidBodyState) -> Wrench {
+        self.0.iter().fold(Wrench::default(), |sum, term| sum + term.wrench(x))
     }
 }
 
@@ -634,6 +836,14 @@ impl FreeBodyBatch {
         }
         Ok(())
     }
+}
+
+/// Whether there is a list of terms for each of the bodies, which lanes evaluate.
+fn check_terms(bodies: &[RigidBody], terms: &[Vec<WrenchTerm>]) -> Result<(), BatchError> {
+    check_length("terms", bodies.len(), terms.len())?;
+    let foreign = |(body, terms): (usize, &Vec<WrenchTerm>)| Some((body, forced::foreign_power(terms)?));
+    let found = terms.iter().enumerate().find_map(foreign);
+    found.map_or(Ok(()), |(body, found)| Err(BatchError::Power { body, found }))
 }
 
 fn check_length(argument: &'static str, expected: usize, found: usize) -> Result<(), BatchError> {

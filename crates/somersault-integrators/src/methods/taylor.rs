@@ -55,7 +55,7 @@ pub struct TaylorMemory<S: System> {
     bodies: Vec<BodySeries>,
     terms: Vec<WrenchTerm>,
     errors: [RateOf<S>; 2],
-    /// Whether the longest step was asked for last, so that the step that follows from the same state has its series.
+    /// Whether the last call found the longest step, so that the step that follows from the same state has its series.
     is_expanded: bool,
     /// The errors of a step of 1 from there by these tolerances, once they are known.
     of_unit_step: Option<(Tolerances, [f64; RATIOS.len()])>,

@@ -15,10 +15,10 @@ use crate::integrators::plan::StepArguments;
 use crate::integrators::trajectory::{Cast, Trajectory};
 use pyo3::prelude::*;
 use somersault::core::cancel::CancellationToken;
-use somersault::integrators::batch::{BatchError, ForcedRuns, FreeRuns, Runs};
+use somersault::integrators::batch::{AdaptedRuns, BatchError, ForcedRuns, FreeRuns, Runs};
 use somersault::integrators::body;
 use somersault::integrators::counted::Counted;
-use somersault::integrators::driver::{IntegrateError, Steps, TimeGrid, check_interval};
+use somersault::integrators::driver::{Adaptive, IntegrateError, Steps, TimeGrid, check_interval};
 use somersault::integrators::force::{BoxedForce, ForceModel, Gravity};
 use somersault::integrators::methods::Method;
 use somersault::integrators::nalgebra::Vector3;
@@ -29,10 +29,11 @@ use somersault::integrators::system::{RigidBodySystem, RigidSystem};
 
 /// Motion of many rigid bodies that do not interact, in parallel.
 ///
-/// With fixed steps of ``"rkmk_b"`` bodies move several at a time in the vector registers of each core, if they are free or all their forces
-/// are of these: `Gravity`, `CentralGravity`, `Force`, `Torque`, `Drag`, `Spring`, and `MagneticDipole` in a uniform field. The centre of mass
-/// of free bodies, and of bodies under `gravity` alone, moves exactly; the result does not depend, to the last bit, on the processor, the
-/// number of threads or which bodies go together. All others move one at a time on each core, as `integrate` moves them alone.
+/// With fixed steps of ``"rkmk_b"`` and adapted ones of ``"rkmk8_b"``, which are those where `method` is left out, bodies move several at a time
+/// in the vector registers of each core, if they are free or all their forces are of these: `Gravity`, `CentralGravity`, `Force`, `Torque`,
+/// `Drag`, `Spring`, and `MagneticDipole` in a uniform field. The result does not depend, to the last bit, on the processor, the number of
+/// threads or which bodies go together. With fixed steps the centre of mass of bodies without `forces` moves exactly. All others move one at
+/// a time on each core, as `integrate` moves them alone.
 ///
 /// Parameters
 /// ----------
@@ -54,8 +55,8 @@ use somersault::integrators::system::{RigidBodySystem, RigidSystem};
 ///     Acceleration, m/s², of all bodies, beside `forces`; none unless given.
 /// t_eval : array_like, shape (n,), optional
 ///     Times of the states to record, s, within the interval, each after the one before; its start and its end unless given. Of
-///     bodies that move several at a time the steps start again at each of them, and the step before it is shorter where `dt` does
-///     not divide the time between two; those of others do not depend on them.
+///     bodies that move several at a time a step ends at each of them: with fixed steps the one before is shorter where `dt` does
+///     not divide the time between two. The steps of others do not depend on them.
 /// rtol, atol : float, optional
 ///     Relative and absolute tolerance of adaptive steps, 1e-8 and 1e-10 unless given.
 /// max_step, first_step : float, optional
@@ -278,14 +279,14 @@ impl Batch {
             Some(dt) => dt.iter().map(|dt| steps_of(Some(*dt))).collect::<Result<_, _>>()?,
             None => vec![steps_of(None)?; n],
         };
-        let lanes = dt.filter(|_| method == Method::RkmkB);
+        let are_lanes = method == if dt.is_some() { Method::RkmkB } else { Method::Rkmk8B };
 
         let (mut free, mut summed, mut others) = (Vec::new(), Vec::new(), Vec::new());
         let (mut terms, mut models_of_others) = (Vec::new(), Vec::new());
         for (i, models) in models.into_iter().enumerate() {
-            if lanes.is_some() && models.is_empty() {
+            if are_lanes && dt.is_some() && models.is_empty() {
                 free.push(i);
-            } else if let Some(of_body) = lanes.as_ref().and_then(|_| self.terms(i, &models)) {
+            } else if let Some(of_body) = are_lanes.then(|| self.terms(i, &models)).flatten() {
                 summed.push(i);
                 terms.push(of_body);
             } else {
@@ -294,7 +295,7 @@ impl Batch {
             }
         }
         let mut kept = Vec::new();
-        if let Some(dt) = &lanes {
+        if let Some(dt) = &dt {
             let gravity = self.gravity;
             let moved = self.in_lanes(py, &free, dt, |bodies, grids, states, token| {
                 FreeRuns::new(bodies, grids).in_gravity(&gravity).advance(states, token)
@@ -303,6 +304,9 @@ impl Batch {
             let moved = self.in_lanes(py, &summed, dt, |bodies, grids, states, token| {
                 ForcedRuns::try_new(bodies, grids, &terms)?.advance(states, token)
             })?;
+            self.keep(&summed, moved, &mut kept);
+        } else if let Some(Steps::Adapted { settings, .. }) = steps.first().filter(|_| !summed.is_empty()) {
+            let moved = self.adapted_in_lanes(py, &summed, settings, &terms)?;
             self.keep(&summed, moved, &mut kept);
         }
         if !others.is_empty() {
@@ -367,6 +371,37 @@ impl Batch {
         Ok(kept)
     }
 
+    /// Some of the bodies by adapted steps in vector lanes.
+    fn adapted_in_lanes(
+        &self,
+        py: Python<'_>,
+        members: &[usize],
+        settings: &Adaptive,
+        terms: &[Vec<WrenchTerm>],
+    ) -> Result<Vec<RigidBodyState>, Error> {
+        self.expect_room_at_times(members.len())?;
+        let bodies: Vec<_> = members.iter().map(|&i| self.bodies[i]).collect();
+        let states: Vec<_> = members.iter().map(|&i| self.states[i]).collect();
+        let moved = cancel_on_signal(py, |token| {
+            let runs = AdaptedRuns::try_new(&bodies, self.interval.into(), *settings, terms);
+            let moved = runs.and_then(|runs| runs.recorded(&states, &self.times, token));
+            moved.map_err(|error| error.among(members))
+        })?;
+        Ok(self.by_times(&moved))
+    }
+
+    /// States of some bodies at the times, given body by body, as those at one time after the other.
+    fn by_times(&self, moved: &[Vec<RigidBodyState>]) -> Vec<RigidBodyState> {
+        let at = |k: usize| moved.iter().map(move |states| states[k]);
+        (0..self.times.len()).flat_map(at).collect()
+    }
+
+    /// Whether there is room for states of so many bodies at the times, of each by itself, with room to grow, and of all.
+    fn expect_room_at_times(&self, members: usize) -> Result<(), Error> {
+        let bytes = size_of::<RigidBodyState>().saturating_mul(self.times.len()).saturating_mul(members);
+        expect_room("the states at `t_eval`", bytes.saturating_mul(3))
+    }
+
     /// Some of the bodies, each by itself.
     fn one_by_one(
         &self,
@@ -377,10 +412,8 @@ impl Batch {
         mut models: Vec<Vec<BoxedForce>>,
         failure: &Failure,
     ) -> Result<Vec<RigidBodyState>, Error> {
-        let Self { bodies, states, times, gravity, .. } = self;
-        // of each body by itself, with room to grow, and of all
-        let bytes = size_of::<RigidBodyState>().saturating_mul(times.len()).saturating_mul(members.len());
-        expect_room("the states at `t_eval`", bytes.saturating_mul(3))?;
+        let Self { bodies, states, gravity, .. } = self;
+        self.expect_room_at_times(members.len())?;
         if gravity.acceleration != Vector3::zeros() {
             models.iter_mut().for_each(|models| models.push(Box::new(*gravity)));
         }
@@ -399,9 +432,7 @@ impl Batch {
         if let Some(error) = failure.get() {
             return Err(error.clone_ref(py).into());
         }
-        let moved = moved?;
-        let at = |k: usize| moved.iter().map(move |states| states[k]);
-        Ok((0..times.len()).flat_map(at).collect())
+        Ok(self.by_times(&moved?))
     }
 
     /// The states at the times of some of the bodies, of which these are the systems.
