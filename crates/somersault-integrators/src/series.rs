@@ -310,13 +310,27 @@ impl CollinearForce {
         self.pull(degree)
     }
 
+    /// Whether s is not zero up to h: no term of |s|² is less before than at h or at the start.
+    fn holds_to(&self, h: f64) -> bool {
+        self.stays_above(0.0, h, |term| term.min(0.0))
+    }
+
     /// Whether s is zero at no time within h of the start, complex ones included, so that the series of |s|ᵖ converges there: all other
     /// terms of |s|² together are less than [`MARGIN`] times that of degree 0.
-    fn holds_to(&self, h: f64) -> bool {
+    fn converges_to(&self, h: f64) -> bool {
+        self.stays_above(1.0 - MARGIN, h, |term| -term.abs())
+    }
+
+    /// Whether the term of degree 0 of |s|² and what counts of the others at h sum to more than a fraction of the first.
+    fn stays_above(&self, fraction: f64, h: f64, counts: impl Fn(f64) -> f64) -> bool {
         let Some((first, others)) = self.squares[..self.known].split_first() else { return true };
-        let sum = others.iter().rfold(0.0, |sum, c| (sum + c.abs()) * h);
+        let (mut sum, mut power) = (*first, 1.0);
+        for c in others {
+            power *= h;
+            sum += counts(c * power);
+        }
         // what is not finite is for the driver to see
-        self.power == 0.0 || (*first != 0.0 && (sum < MARGIN * first || sum.is_nan()))
+        self.power == 0.0 || (*first != 0.0 && (sum > fraction * first || sum.is_nan()))
     }
 }
 
@@ -497,9 +511,14 @@ impl BodySeries {
         self.of.as_ref().is_some_and(|(_, start, _)| start == x)
     }
 
-    /// Whether the series may be used up to h: they converge, with no centre of a force near the way, and no rest under quadratic drag.
+    /// Whether the series may be used up to h: no centre of a force is reached on the way, and no rest under quadratic drag.
     pub(crate) fn holds_to(&self, h: f64) -> bool {
         self.equations.collinear.iter().all(|force| force.holds_to(h))
+    }
+
+    /// Whether the series of lengths converge up to h, for sure.
+    pub(crate) fn converges_to(&self, h: f64) -> bool {
+        self.equations.collinear.iter().all(|force| force.converges_to(h))
     }
 
     /// The motion.

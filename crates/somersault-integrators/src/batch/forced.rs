@@ -155,7 +155,7 @@ impl Terms {
                     set_vector(&mut tie.point, at, &point);
                     let n = -*power as usize;
                     tie.strengths[usize::from(*is_damper)][n].0[at] += strength;
-                    // |s|ⁿ⁻¹ is bounded where s vanishes, and |s · ṡ| is at most |s| |ṡ|
+                    // |s|¹⁻ⁿ, the size of the force, is bounded where s vanishes; |s · ṡ| is at most |s| |ṡ|
                     if n > 1 + usize::from(*is_damper) && *strength != 0.0 {
                         tie.at_zero.0[at] = f64::NAN;
                     }

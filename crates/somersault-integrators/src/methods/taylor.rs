@@ -11,9 +11,9 @@
 //!
 //! For small tolerances, 1e-9 and below, under forces that have series: a sum of [`WrenchTerm`](crate::series::WrenchTerm)s, as
 //! [`ForceModel::add_terms`](crate::force::ForceModel::add_terms) gives it. Others are refused with [`StepError::NoSeries`]. Where the way to a
-//! centre of force, or the velocity under quadratic drag, may vanish within a step or at a complex time that near, this is refused with
-//! [`StepError::StepTooLarge`]: the series of a length converges up to its nearest zero, and behind zero has the wrong sign. So a run ends
-//! where a body is thrown exactly through the anchor of a spring.
+//! centre of force, or the velocity under quadratic drag, may vanish within a step, this is refused with [`StepError::StepTooLarge`]: behind zero
+//! a series has the wrong sign of the length. So a run ends where a body is thrown exactly through the anchor of a spring. A step that is
+//! chosen also keeps within the disc in which the series of a length converges, up to its nearest complex zero.
 //!
 //! À. Jorba and M. Zou, Experimental Mathematics 14 (2005) 99.
 //!
@@ -207,7 +207,7 @@ impl<S: RigidSystem> EmbeddedStepper<S> for TaylorSeries {
         longest *= SAFETY;
         // What is not finite is for the driver to see, in a step of its own choice.
         let halved = std::iter::successors(Some(longest), |h| Some(0.5 * h)).take(HALVINGS);
-        let mut halved = halved.filter(|h| memory.bodies.iter().all(|series| series.holds_to(*h)));
+        let mut halved = halved.filter(|h| memory.bodies.iter().all(|series| series.converges_to(*h)));
         Ok(halved.next().filter(|h| !h.is_nan()))
     }
 }
