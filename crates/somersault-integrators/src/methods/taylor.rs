@@ -9,7 +9,7 @@
 //! before it is made. The same polynomial is the dense output, at the order of the step, and a step that is made again shorter costs its
 //! evaluation only. 1 evaluation, which gives all derivatives; no start-up. Conserves nothing exactly.
 //!
-//! For small tolerances, 1e-9 and below, under forces that have series: a sum of [`WrenchTerm`](crate::series::WrenchTerm)s, as
+//! For small tolerances, 1e-9 and below, under forces that have series: a sum of [`WrenchTerm`]s, as
 //! [`ForceModel::add_terms`](crate::force::ForceModel::add_terms) gives it. Others are refused with [`StepError::NoSeries`]. Where the way to a
 //! centre of force, or the velocity under quadratic drag, may vanish within a step, this is refused with [`StepError::StepTooLarge`]: behind zero
 //! a series has the wrong sign of the length. So a run ends where a body is thrown exactly through the anchor of a spring. A step that is
