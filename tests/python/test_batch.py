@@ -178,8 +178,7 @@ def test_a_body_moves_the_same_in_any_company(steps: dict[str, float]) -> None:
         alone = moved([model])
         np.testing.assert_array_equal(together.position[:, [i]], alone.position)
         np.testing.assert_array_equal(together.quaternion[:, [i]], alone.quaternion)
-        acting = [] if model is None else model
-        exact = somersault.integrate(body, start, (0.0, 1.0), forces=acting, rtol=1e-12, atol=1e-12)
+        exact = somersault.integrate(body, start, (0.0, 1.0), forces=model, rtol=1e-12, atol=1e-12)  # type: ignore[arg-type]
         np.testing.assert_allclose(together.position[-1, i], exact.position[-1], rtol=0, atol=1e-7)
         assert abs(together.quaternion[-1, i] @ exact.quaternion[-1]) > 1 - 1e-13
     # a failure has the number that its body has among all

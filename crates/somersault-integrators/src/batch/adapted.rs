@@ -95,16 +95,9 @@ impl Kernel for &mut AdaptedTile {
         for at in (0..TILE).step_by(L::WIDTH) {
             let (x, h) = (bodies.states.load(l, at), one(l, h, at));
             for i in 0..STAGES {
-                let [u, way, gain, spin_gain] = sums(l, tableau.row(i), slopes, h);
-                let half = scaled(l, l.splat(0.5), u);
-                let [c, s] = cos_sinc(l, dot(l, half, half));
-                let [a, b, d] = scaled(l, s, half);
-                let stage = Stage {
-                    r: sum(l, x.r, way),
-                    v: sum(l, x.v, gain),
-                    q: product(l, x.q, [c, a, b, d]),
-                    omega: sum(l, x.omega, spin_gain),
-                };
+                let moves = sums(l, tableau.row(i), slopes, h);
+                let (stage, [c, s]) = displaced(l, &x, moves);
+                let u = moves[0];
                 let [acceleration, spin_up] = bodies.accelerations(l, at, &stage);
                 // θ/2 cot θ/2 = c/s
                 let square = dot(l, u, u);
@@ -119,16 +112,8 @@ impl Kernel for &mut AdaptedTile {
                     }
                 }
             }
-            let [u, way, gain, spin_gain] = sums(l, tableau.weights(), slopes, h);
-            let half = scaled(l, l.splat(0.5), u);
-            let [c, s] = cos_sinc(l, dot(l, half, half));
-            let [a, b, d] = scaled(l, s, half);
-            let after = Stage {
-                r: sum(l, x.r, way),
-                v: sum(l, x.v, gain),
-                q: renormalise(l, product(l, x.q, [c, a, b, d])),
-                omega: sum(l, x.omega, spin_gain),
-            };
+            let (mut after, _) = displaced(l, &x, sums(l, tableau.weights(), slopes, h));
+            after.q = renormalise(l, after.q);
             next.store(l, at, &after);
             let estimates = [Some(weights.main()), weights.correction()];
             for (row, estimate) in errors.iter_mut().zip(estimates.into_iter().flatten()) {
@@ -148,6 +133,26 @@ impl Kernel for &mut AdaptedTile {
             }
         }
     }
+}
+
+/// The stage to which a turn and the changes of position, velocity and angular velocity lead from x, with ±cos and ±sin(y)/y of half the
+/// turn.
+#[inline(always)]
+fn displaced<L: Lanes>(
+    l: L,
+    x: &Stage<L>,
+    [turn, way, gain, spin_gain]: [[L::Vector; 3]; 4],
+) -> (Stage<L>, [L::Vector; 2]) {
+    let half = scaled(l, l.splat(0.5), turn);
+    let [c, s] = cos_sinc(l, dot(l, half, half));
+    let [a, b, d] = scaled(l, s, half);
+    let stage = Stage {
+        r: sum(l, x.r, way),
+        v: sum(l, x.v, gain),
+        q: product(l, x.q, [c, a, b, d]),
+        omega: sum(l, x.omega, spin_gain),
+    };
+    (stage, [c, s])
 }
 
 /// h Σ aⱼ slopeⱼ

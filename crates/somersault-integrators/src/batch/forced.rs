@@ -66,6 +66,7 @@ impl Tie {
 }
 
 /// A force −k gap − c rate along the normal of a plane.
+#[derive(Default)]
 struct Plane {
     normal: [Row; 3],
     /// In the principal frame.
@@ -76,6 +77,7 @@ struct Plane {
 }
 
 /// The terms of the bodies of a tile.
+#[derive(Default)]
 struct Terms {
     /// World axes.
     force: [Row; 3],
@@ -97,23 +99,6 @@ struct Terms {
 }
 
 impl Terms {
-    fn new() -> Self {
-        Self {
-            force: [ZERO; 3],
-            torque: [ZERO; 3],
-            world_torque: [ZERO; 3],
-            thrust: [ZERO; 3],
-            angular_drag: ZERO,
-            quadratic_drag: ZERO,
-            linear: None,
-            pushes: Vec::new(),
-            ties: Vec::new(),
-            planes: Vec::new(),
-            needs_axes: false,
-            has_drag: false,
-        }
-    }
-
     /// Adds the terms of the body in entry `at`, whose principal axes lie so in it. None has a [`foreign_power`].
     fn add(&mut self, at: usize, axes: &UnitQuaternion<f64>, terms: &[WrenchTerm]) {
         let of_body = |v: &Vector3<f64>| axes.inverse() * v;
@@ -174,14 +159,7 @@ impl Terms {
                 WrenchTerm::AngularDrag(c) => self.angular_drag.0[at] += c,
                 WrenchTerm::Support { normal, offset, point, stiffness, damping } => {
                     if planes == self.planes.len() {
-                        let [normal, point] = [[ZERO; 3]; 2];
-                        self.planes.push(Plane {
-                            normal,
-                            point,
-                            offset: ZERO,
-                            stiffness: ZERO,
-                            damping: ZERO,
-                        });
+                        self.planes.push(Plane::default());
                     }
                     let plane = &mut self.planes[planes];
                     set_vector(&mut plane.normal, at, normal);
@@ -283,7 +261,7 @@ impl Moving {
     pub(super) fn new() -> Self {
         Self {
             states: States::new(),
-            terms: Terms::new(),
+            terms: Terms::default(),
             gyration: [ZERO; 3],
             inverse_moments: [ZERO; 3],
             inverse_mass: ZERO,

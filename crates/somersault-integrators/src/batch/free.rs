@@ -48,6 +48,12 @@ pub(super) const TILE: usize = 64;
 #[repr(align(64))]
 pub(super) struct Row(pub(super) [f64; TILE]);
 
+impl Default for Row {
+    fn default() -> Self {
+        Self([0.0; TILE])
+    }
+}
+
 /// The state of up to [`TILE`] bodies and what their steps need.
 ///
 /// Entries that no body fills have no steps: what they are makes no difference.
