@@ -325,7 +325,7 @@ const CASES: &[Case] = &[
     Case { mesh: graded, ..case("hyper-sensitive", regulator, 3.362_056_904_943, 1e-12, "I", Minimum) },
     case("least time, pendulum", pendulum, 2.196_809_250_472, 1e-13, "U L U L", Minimum),
     case("repelled from the origin", || repelled(3.0), -7.927_616_542_515_18, 1e-12, "I", Minimum),
-    case("reorientation", reorientation, 3.243_083_277_452_33, 1e-13, "LUU LLU ULU ULL UUL LUL", Minimum),
+    case("reorientation", reorientation, 3.243_083_277_452_33, 1e-13, REORIENTATIONS, Minimum),
     case("orbit transfer", orbit, -1.525_277_700_648_58, 1e-13, "I", Minimum),
     case("Goddard", || goddard(f64::INFINITY), -1.012_836_918_317_48, 5e-14, "U S L", FirstOrder),
     case("Goddard below 0.1", || goddard(0.1), -1.012_576_324_656_93, 5e-14, "U S ^I* L", FirstOrder),
@@ -333,6 +333,9 @@ const CASES: &[Case] = &[
     case("effort and time", effort_and_time, std::f64::consts::SQRT_2, 1e-13, "I", Minimum),
     case("a parameter", with_parameter, 0.25, 1e-13, "I", Minimum),
 ];
+
+/// Motions of the same cost, of which a mesh leads to one.
+const REORIENTATIONS: &str = "LUU LLU ULU ULL UUL LUL or UUU LUU LLU LLL ULL UUL";
 
 const fn case(
     name: &'static str,
@@ -383,7 +386,8 @@ fn check_all(intervals: usize) {
             _ => None,
         };
         let error = (found.cost - cost).abs();
-        let is_right = verdict == Some(*expected) && shape(&found) == *expected_shape;
+        let is_right = verdict == Some(*expected)
+            && expected_shape.split(" or ").any(|expected| shape(&found) == expected);
         if !(is_right && error <= tolerance * cost.abs() && found.residual <= 1e-13) {
             let (residual, verdict) = (found.residual, &found.verdict);
             let shape = shape(&found);

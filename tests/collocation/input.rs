@@ -276,6 +276,7 @@ fn motions_that_contradict_their_constraints_are_infeasible() {
         let report = Collocation::default().solve(&mut problem, &[mesh], &mut |_| Flow::Continue).unwrap();
         assert_eq!(report.status, CollocationStatus::NotSolved(Status::Infeasible), "{:?}", report.history);
         assert!(report.program.residuals.feasibility > 0.1, "{:?}", report.program.residuals);
-        assert!(report.program.iterations < 100, "{:?}", report.history);
+        // of the interior-point method, and of sequential quadratic programming where it has no solution
+        assert!(report.program.iterations < 200, "{:?}", report.history);
     }
 }

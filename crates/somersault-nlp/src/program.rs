@@ -75,6 +75,11 @@ impl<'a> Program<'a> {
         Ok(Self { nlp, structure, counts: Counts::default(), deadline: None, max_evaluations: None })
     }
 
+    /// The program itself, for another solver.
+    pub(crate) fn nlp(&mut self) -> &mut dyn Nlp {
+        self.nlp
+    }
+
     pub(crate) fn n_variables(&self) -> usize {
         self.structure.variables.len()
     }

@@ -1,6 +1,7 @@
 //! What a solver says: status, iterate, residuals and counts.
 
 use std::fmt;
+use std::ops::AddAssign;
 
 /// How a solve ended. In every case the report has the best iterate.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -122,6 +123,16 @@ pub struct Counts {
     pub factorisations: usize,
     /// Quadratic programs that went to the interior-point method.
     pub quadratic_programs: usize,
+}
+
+impl AddAssign for Counts {
+    fn add_assign(&mut self, other: Self) {
+        self.evaluations += other.evaluations;
+        self.gradients += other.gradients;
+        self.hessians += other.hessians;
+        self.factorisations += other.factorisations;
+        self.quadratic_programs += other.quadratic_programs;
+    }
 }
 
 /// Where a solver begins.

@@ -1,5 +1,6 @@
 //! Sequential quadratic programming.
 
+mod crossover;
 mod line_search;
 mod restoration;
 
@@ -54,6 +55,10 @@ pub struct Sqp {
     /// With a filter, the sum of violations above which no point is accepted, in those of the start or in ones where these
     /// are less: 10⁴ as in IPOPT. With a small one what starts nearly feasible stays so.
     pub violation_limit: f64,
+    /// Whether a start without multipliers is solved by [`InteriorPoint`](crate::InteriorPoint) first, once exchanging rows of the
+    /// working set does not find the one of a step; the method continues from its solution. The work of a quadratic program of many
+    /// bounds, which would be solved instead, is that of the whole program.
+    pub crossover: bool,
     /// Limit of steps.
     pub max_iterations: usize,
     /// Limit of evaluations of cost and constraints.
@@ -73,6 +78,7 @@ impl Default for Sqp {
             complementarity_tol: 1e-8,
             globalisation: Globalisation::Merit,
             violation_limit: 1e4,
+            crossover: false,
             max_iterations: 500,
             max_evaluations: None,
             max_time: None,
@@ -193,10 +199,9 @@ impl<'a> Run<'a> {
         }
         self.program.limit_time(began, self.options.max_time);
         self.subproblem.deadline = self.program.deadline;
+        self.subproblem.defers = self.options.crossover && start.constraint_multipliers.is_empty();
         self.gradient_scale = max_norm(&self.point.gradient);
-        let violation = self.program.violation(&self.point.constraints);
-        let cost_scale = self.gradient_scale.max(100.0) / 100.0;
-        self.filter = Filter::new(violation, self.options.violation_limit, cost_scale);
+        self.empty_filter();
         if start.constraint_multipliers.is_empty() {
             self.subproblem.estimate_multipliers(&self.point, &mut self.y);
         } else {
@@ -224,7 +229,7 @@ impl<'a> Run<'a> {
             let advance = match (self.status(flow, idle), self.restoration) {
                 (Some(status), _) => Ok(Advance::Ended(status)),
                 (None, Some(restoration)) => self.restore(restoration),
-                (None, None) => self.refresh().and_then(|()| self.advance()),
+                (None, None) => self.refresh().and_then(|()| self.advance(start, on_iteration)),
             };
             let advance = match advance {
                 Ok(Advance::Ended(Status::Stalled)) if self.restoration.is_none() && !self.is_feasible() => {
@@ -242,6 +247,13 @@ impl<'a> Run<'a> {
             }
             self.iterations += 1;
         }
+    }
+
+    /// A filter of no point, for a search that begins here.
+    fn empty_filter(&mut self) {
+        let violation = self.program.violation(&self.point.constraints);
+        let cost_scale = self.gradient_scale.max(100.0) / 100.0;
+        self.filter = Filter::new(violation, self.options.violation_limit, cost_scale);
     }
 
     /// Asks for the Hessian. Where it has no value the last one stays.
@@ -290,7 +302,11 @@ impl<'a> Run<'a> {
 
     /// One step, with repairs of the Hessian where the line search refuses it, and of feasibility where the linearised
     /// constraints contradict each other and cannot be followed.
-    fn advance(&mut self) -> Result<Advance, Failure> {
+    fn advance(
+        &mut self,
+        start: &Start,
+        on_iteration: &mut dyn FnMut(&Iteration<'_>) -> Flow,
+    ) -> Result<Advance, Failure> {
         let violation = self.program.violation(&self.point.constraints);
         let size = max_norm(&self.hessian.values).max(f64::MIN_POSITIVE);
         let kept_floor = self.floor;
@@ -301,6 +317,13 @@ impl<'a> Run<'a> {
             let origin = self.subproblem.solve(&self.point, &self.hessian, &self.y, self.floor, violation);
             if self.program.is_late() {
                 return Ok(Advance::Ended(Status::TimeLimit));
+            }
+            if origin == Some(Origin::Deferred) {
+                self.subproblem.defers = false;
+                if let Some(advance) = self.cross_over(start, on_iteration)? {
+                    return Ok(advance);
+                }
+                continue;
             }
             let filtered = self.options.globalisation == Globalisation::Filter;
             if origin == Some(Origin::Elastic)
@@ -384,8 +407,8 @@ impl<'a> Run<'a> {
     }
 
     fn finish(mut self, outcome: Outcome) -> Result<Report, SolverError> {
-        self.program.counts.factorisations = self.subproblem.n_factorisations();
-        self.program.counts.quadratic_programs = self.subproblem.n_quadratic_programs;
+        self.program.counts.factorisations += self.subproblem.n_factorisations();
+        self.program.counts.quadratic_programs += self.subproblem.n_quadratic_programs;
         let hessian = self.hessian.is_quasi_newton().then_some(self.hessian.values);
         self.best.report(outcome, self.iterations, self.program.counts, hessian)
     }

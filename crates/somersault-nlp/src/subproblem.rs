@@ -52,6 +52,8 @@ pub(crate) enum Origin {
     Convex,
     /// The elastic program.
     Elastic,
+    /// Nowhere: exchanging rows has not found it, and no quadratic program was to be solved.
+    Deferred,
 }
 
 /// Step, multipliers and everything needed to compute them.
@@ -69,6 +71,8 @@ pub(crate) struct Subproblem {
     last_set: Vec<Activity>,
     empty_set: Vec<Activity>,
     no_hessian: Vec<f64>,
+    /// Whether a step is not computed where exchanging rows does not find it.
+    pub(crate) defers: bool,
     /// When no step is computed any more.
     pub(crate) deadline: Option<Instant>,
     /// What clarabel found, while a better step is tried.
@@ -114,6 +118,7 @@ impl Subproblem {
             last_set: vec![Activity::Free; n + m],
             empty_set: vec![Activity::Free; n + m],
             no_hessian: vec![0.0; hessian.pattern.n_entries()],
+            defers: false,
             deadline: None,
             convex_p: vec![0.0; n],
             convex_y: vec![0.0; n + m],
@@ -227,6 +232,10 @@ impl Subproblem {
                 self.y.fill(0.0);
                 self.newton(point, hessian, floor, EXCHANGES).then_some(Origin::WorkingSet)
             };
+        }
+        if origin.is_none() && self.defers {
+            self.active.copy_from_slice(&self.last_set);
+            return Some(Origin::Deferred);
         }
         origin = origin.or_else(|| self.convex(point, hessian, floor));
         if origin.is_none() || violation > 0.0 && !is_tolerable(&self.y[n..]) {

@@ -57,12 +57,24 @@ fn named(name: &str) -> Problem {
     published().into_iter().find(|p| p.name == name).unwrap()
 }
 
-/// Every Hessian with every globalisation.
-pub(crate) fn variants() -> [Sqp; 4] {
+/// Every Hessian with every globalisation, and with crossover.
+pub(crate) fn variants() -> [Sqp; 6] {
     use Globalisation::{Filter, Merit};
     use HessianSource::{Offered, QuasiNewton};
-    [(Offered, Merit), (QuasiNewton, Merit), (Offered, Filter), (QuasiNewton, Filter)]
-        .map(|(hessian, globalisation)| Sqp { hessian, globalisation, ..Sqp::default() })
+    [
+        (Offered, Merit, false),
+        (QuasiNewton, Merit, false),
+        (Offered, Filter, false),
+        (QuasiNewton, Filter, false),
+        (Offered, Filter, true),
+        (QuasiNewton, Filter, true),
+    ]
+    .map(|(hessian, globalisation, crossover)| Sqp {
+        hessian,
+        globalisation,
+        crossover,
+        ..Sqp::default()
+    })
 }
 
 fn squares(x: &[D]) -> D {

@@ -900,8 +900,12 @@ fn the_interior_point_method_reaches_published_optima() {
 #[test]
 fn sequential_quadratic_programming_reaches_published_optima_with_one_globalisation_or_the_other() {
     let merit = failures(&Sqp::default());
-    let filter = failures(&Sqp { globalisation: Globalisation::Filter, ..Sqp::default() });
+    let filtered = Sqp { globalisation: Globalisation::Filter, ..Sqp::default() };
+    let filter = failures(&filtered);
+    let crossed = failures(&Sqp { crossover: true, ..filtered });
     println!("merit function: not {:?}; filter: not {:?}", names(&merit), names(&filter));
+    println!("crossover: not {:?}", names(&crossed));
     assert!(merit.iter().all(|k| !filter.contains(k)), "{:?} {:?}", names(&merit), names(&filter));
     assert!(merit.len() <= 2 && filter.len() <= 2, "{:?} {:?}", names(&merit), names(&filter));
+    assert!(crossed.len() <= 1, "{:?}", names(&crossed));
 }

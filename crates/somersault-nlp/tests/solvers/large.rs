@@ -3,8 +3,8 @@
 use crate::problems::D;
 use num_dual::DualNum;
 use somersault_nlp::{
-    Bounds, Curvature, EvaluationError, Flow, HessianSource, Nlp, NlpSolver, Pattern, Sqp, Start, Status,
-    Structure,
+    Bounds, Curvature, EvaluationError, Flow, Globalisation, HessianSource, Nlp, NlpSolver, Pattern, Sqp,
+    Start, Status, Structure,
 };
 use std::time::Instant;
 
@@ -315,5 +315,35 @@ fn valleys_with_many_inequalities_are_solved() {
             );
             assert_eq!(report.status, Status::Converged);
         }
+    }
+}
+
+/// From the interior-point method's solution the working set is that of the program: no quadratic program has to tell it.
+#[test]
+fn crossover_takes_the_place_of_quadratic_programs() {
+    let solve = |crossover, last: usize| {
+        let mut numbers = Vec::new();
+        let solver = Sqp { globalisation: Globalisation::Filter, crossover, ..Sqp::default() };
+        let start = Start::from(vec![-0.1; 92]);
+        let report = solver
+            .solve(&mut Valley::new(92, 200), &start, &mut |iteration| {
+                numbers.push(iteration.number);
+                if iteration.number == last { Flow::Stop } else { Flow::Continue }
+            })
+            .unwrap();
+        (report, numbers)
+    };
+    let (plain, _) = solve(false, usize::MAX);
+    let (crossed, numbers) = solve(true, usize::MAX);
+    assert_eq!((plain.status, crossed.status), (Status::Converged, Status::Converged));
+    assert!((plain.cost - crossed.cost).abs() < 1e-8 * plain.cost, "{} {}", plain.cost, crossed.cost);
+    let programs = [plain, crossed.clone()].map(|report| report.counts.quadratic_programs);
+    assert!(programs[0] > 0 && programs[1] == 0, "{programs:?}");
+    // steps of both methods are counted as those of one, and a callback stops each
+    assert!(numbers.is_sorted() && numbers.last() == Some(&crossed.iterations), "{numbers:?}");
+    for last in 0..crossed.iterations {
+        let (stopped, _) = solve(true, last);
+        assert_eq!((stopped.status, stopped.iterations), (Status::Stopped, last));
+        assert!(stopped.cost.is_finite());
     }
 }

@@ -156,8 +156,9 @@ fn solve_all(concave: f64, hessian: HessianSource) -> Vec<usize> {
 
 #[test]
 fn contradicted_quadratic_programs_are_infeasible() {
-    for globalisation in [Globalisation::Merit, Globalisation::Filter] {
-        let solver = Sqp { globalisation, ..Sqp::default() };
+    use Globalisation::{Filter, Merit};
+    for (globalisation, crossover) in [(Merit, false), (Filter, false), (Merit, true), (Filter, true)] {
+        let solver = Sqp { globalisation, crossover, ..Sqp::default() };
         for seed in 0..100u64 {
             let (n, m) = (1 + seed as usize % 12, 3 + (seed as usize * 7) % 14);
             let mut program = Quadratic::new(n, m, n, 0.0, seed).contradicted();

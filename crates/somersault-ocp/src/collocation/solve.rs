@@ -67,7 +67,7 @@ impl Default for Collocation {
             max_evaluations: None,
             min_points: 3,
             max_points: 12,
-            solver: Sqp { globalisation: Globalisation::Filter, ..Sqp::default() },
+            solver: Sqp { globalisation: Globalisation::Filter, crossover: true, ..Sqp::default() },
         }
     }
 }
