@@ -50,8 +50,50 @@ def test_no_mesh_and_tolerance_lead_to_a_false_success(name: str) -> None:
     assert solved >= 6
 
 
+def swung_up(torque: float, duration: tuple[float, float]) -> ocp.ControlProblem:
+    """A pendulum of 1 kg and 0.5 m from hanging to upright in least time."""
+    return ocp.ControlProblem(
+        lambda x, u: [x.spin, 4 * u.torque - 9.81 / 0.5 * np.sin(x.angle)],
+        states=("angle", "spin"),
+        controls=("torque",),
+        initial=[0, 0],
+        final=[np.pi, 0],
+        duration=duration,
+        bounds={"torque": (-torque, torque)},
+        running_cost=lambda x: 1.0,
+    )
+
+
+def test_weak_torques_swing_a_pendulum_up_in_least_time() -> None:
+    # by SciPy: SLSQP over six, five and four switching times, with DOP853 between them
+    for torque, least in ((0.8, 4.93948918), (1.0, 4.03093880), (1.2, 3.34649006)):
+        found = swung_up(torque, (0.2, 20)).solve()
+        assert found.success and found.cost == pytest.approx(least, rel=1e-6)
+
+
 def test_a_free_time_that_no_motion_is_found_for_starts_from_least_effort() -> None:
-    found = KNOWN["pendulum in minimum time"].pose().solve()
+    def rates(x: Any, u: Any) -> list[Any]:
+        c, s = np.cos(x.angle), np.sin(x.angle)
+        pull, mass = u.force + 0.15 * s * x.spin**2, 1 + 0.3 * s * s
+        return [
+            x.speed,
+            x.spin,
+            (pull + 0.3 * 9.81 * c * s) / mass,
+            -(c * pull + 1.3 * 9.81 * s) / (0.5 * mass),
+        ]
+
+    # Kelly's cart-pole in least time by 10 N
+    swung = ocp.ControlProblem(
+        rates,
+        ("place", "angle", "speed", "spin"),
+        ("force",),
+        initial=[0, 0, 0, 0],
+        final=[0, np.pi, 0, 0],
+        duration=(0.2, 6),
+        bounds={"force": (-10, 10)},
+        running_cost=lambda x: 1.0,
+    )
+    found = swung.solve()
     starts = [mesh["is_start"] for mesh in found.meshes]
     assert found.success and not starts[0] and any(starts) and not starts[-1]
 
@@ -570,10 +612,11 @@ def test_extremals_that_are_no_minima_and_motions_that_chatter_are_refused_with_
         bounds={"u": (-1, 1)},
         running_cost=lambda x: x.x**2,
     )
-    # in the shortest time there is one motion, whose switching function is zero at its end
-    shortest = fuller.replace(duration=(1, 6))
-    edge = shortest.polish(shortest.solve(tol=1e-3, max_meshes=3))
-    assert edge.verdict != "strict_minimum" and edge.cost > 0.766
+    # of a free duration there is an extremal of few switches, whose switching function is zero at its end
+    brief = fuller.replace(duration=(1, 6))
+    guess = {"t": [0, 1, 2], "x": [1, 0.5, 0], "v": [0, -1, 0], "u": [-1, 0, 1]}
+    edge = brief.polish(brief.solve(guess, tol=1e-3, max_meshes=3))
+    assert edge.verdict == "first_order" and "switching function" in edge.message and edge.cost > 0.76401974
     chattering = fuller.polish(fuller.solve(tol=1e-3, max_meshes=3))
     assert chattering.verdict == "refused" and not chattering.success and "refused" in chattering.message
     np.testing.assert_array_equal(chattering.state(0.3), chattering.found.state(0.3))
@@ -675,18 +718,9 @@ def test_a_start_at_ten_thousand_seconds_changes_no_digit_of_the_iterates(name: 
 
 
 def test_a_free_duration_far_from_zero_keeps_its_digits() -> None:
-    swung = ocp.ControlProblem(
-        lambda x, u: [x.spin, 4 * u.torque - 9.81 / 0.5 * np.sin(x.angle)],
-        states=("angle", "spin"),
-        controls=("torque",),
-        initial=[0, 0],
-        final=[np.pi, 0],
-        duration=(0.5, 5),
-        bounds={"torque": (-2, 2)},
-        running_cost=lambda x: 1.0,
-    )
+    swung = swung_up(2.0, (0.5, 5))
     (here, ours), (later, theirs) = steps(swung), steps(swung.replace(start_time=1e4))
     assert len(ours) == len(theirs)
-    # bounds of the last time are rounded to 2e-12 there
-    assert max(np.abs(one - other).max() for one, other in zip(ours, theirs, strict=True)) < 1e-7
+    # bounds of the last time are rounded to 2e-12 there; the matrix of one step multiplies that by 10⁵
+    assert max(np.abs(one - other).max() for one, other in zip(ours, theirs, strict=True)) < 1e-6
     assert later.cost == pytest.approx(here.cost, abs=1e-11)

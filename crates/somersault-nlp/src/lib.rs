@@ -24,6 +24,8 @@
 //! met as far as multipliers stay near those of the last iteration (Wright 1998; Gill & Robinson 2013). Where
 //! the linearised constraints contradict each other, or want multipliers beyond 10⁴ max(1, ‖∇f‖∞), the violations
 //! are penalised instead (elastic mode; Gill, Murray & Saunders 2005), with a weight that is raised until they fall.
+//! With [`Sqp::crossover`] the program goes to [`InteriorPoint`] once exchanging rows does not end, and the working set is that of its
+//! solution.
 //!
 //! **Convexity.** clarabel takes convex programs, and a step of Newton is one of descent only where the Hessian is
 //! positive definite along the constraints. A multiple σ of the unit matrix is added, the least of a geometric

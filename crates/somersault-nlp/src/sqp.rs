@@ -55,9 +55,10 @@ pub struct Sqp {
     /// With a filter, the sum of violations above which no point is accepted, in those of the start or in ones where these
     /// are less: 10⁴ as in IPOPT. With a small one what starts nearly feasible stays so.
     pub violation_limit: f64,
-    /// Whether a start without multipliers is solved by [`InteriorPoint`](crate::InteriorPoint) first, once exchanging rows of the
-    /// working set does not find the one of a step; the method continues from its solution. The work of a quadratic program of many
-    /// bounds, which would be solved instead, is that of the whole program.
+    /// Whether [`InteriorPoint`](crate::InteriorPoint) solves the program, and the method continues from its solution, once exchanging
+    /// rows of the working set does not find the one of a step: from the start if that has no multipliers, else after ten steps for which
+    /// it did not, and from where the method is then. A quadratic program of many bounds, which would be solved instead, takes as much
+    /// work as the whole program.
     pub crossover: bool,
     /// Limit of steps.
     pub max_iterations: usize,
@@ -199,7 +200,10 @@ impl<'a> Run<'a> {
         }
         self.program.limit_time(began, self.options.max_time);
         self.subproblem.deadline = self.program.deadline;
-        self.subproblem.defers = self.options.crossover && start.constraint_multipliers.is_empty();
+        if self.options.crossover {
+            let is_cold = start.constraint_multipliers.is_empty();
+            self.subproblem.most_quadratic_programs = if is_cold { 0 } else { crossover::FROM_A_WARM_START };
+        }
         self.gradient_scale = max_norm(&self.point.gradient);
         self.empty_filter();
         if start.constraint_multipliers.is_empty() {
@@ -319,7 +323,7 @@ impl<'a> Run<'a> {
                 return Ok(Advance::Ended(Status::TimeLimit));
             }
             if origin == Some(Origin::Deferred) {
-                self.subproblem.defers = false;
+                self.subproblem.most_quadratic_programs = usize::MAX;
                 if let Some(advance) = self.cross_over(start, on_iteration)? {
                     return Ok(advance);
                 }

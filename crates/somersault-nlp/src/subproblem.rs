@@ -71,8 +71,8 @@ pub(crate) struct Subproblem {
     last_set: Vec<Activity>,
     empty_set: Vec<Activity>,
     no_hessian: Vec<f64>,
-    /// Whether a step is not computed where exchanging rows does not find it.
-    pub(crate) defers: bool,
+    /// Interior-point solves after which a step is not computed where exchanging rows does not find it.
+    pub(crate) most_quadratic_programs: usize,
     /// When no step is computed any more.
     pub(crate) deadline: Option<Instant>,
     /// What clarabel found, while a better step is tried.
@@ -118,7 +118,7 @@ impl Subproblem {
             last_set: vec![Activity::Free; n + m],
             empty_set: vec![Activity::Free; n + m],
             no_hessian: vec![0.0; hessian.pattern.n_entries()],
-            defers: false,
+            most_quadratic_programs: usize::MAX,
             deadline: None,
             convex_p: vec![0.0; n],
             convex_y: vec![0.0; n + m],
@@ -233,7 +233,7 @@ impl Subproblem {
                 self.newton(point, hessian, floor, EXCHANGES).then_some(Origin::WorkingSet)
             };
         }
-        if origin.is_none() && self.defers {
+        if origin.is_none() && self.n_quadratic_programs >= self.most_quadratic_programs {
             self.active.copy_from_slice(&self.last_set);
             return Some(Origin::Deferred);
         }

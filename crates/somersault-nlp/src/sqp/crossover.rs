@@ -1,4 +1,4 @@
-//! Crossover: the interior-point method solves the program from the start, and the working set is that of its solution.
+//! Crossover: the interior-point method solves the program, and the working set is that of its solution.
 //!
 //! Where many bounds begin to act at once, exchanging rows of the working set leads nowhere, and each of the quadratic programs
 //! that are solved instead takes about as many factorisations as the whole program takes the interior-point method.
@@ -15,9 +15,11 @@ use std::time::Instant;
 /// Residuals at which the solution is near enough to tell the working set, where the tolerances are not larger.
 const NEAR: f64 = 1e-6;
 
+/// Quadratic programs after which a warm start crosses over too, from where it is then.
+pub(super) const FROM_A_WARM_START: usize = 10;
+
 impl Run<'_> {
-    /// Moves to the solution of the interior-point method from the start. None if it has none: then the search continues where it
-    /// is.
+    /// Moves to the solution of the interior-point method. None if it has none: then the search continues where it is.
     pub(super) fn cross_over(
         &mut self,
         start: &Start,
@@ -38,6 +40,13 @@ impl Run<'_> {
                 .map(|deadline| deadline.saturating_duration_since(Instant::now())),
             cost_floor: options.cost_floor,
             ..InteriorPoint::default()
+        };
+        let here;
+        let start = if start.constraint_multipliers.is_empty() {
+            start
+        } else {
+            here = Start::from(self.point.z.as_slice());
+            &here
         };
         let before = self.iterations;
         let mut flow = Flow::Continue;
