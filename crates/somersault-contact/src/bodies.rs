@@ -260,6 +260,17 @@ pub(crate) struct Hold {
 }
 
 impl Hold {
+    /// The encounter of a contact of body `first` with a surface, and on what it acts, where the body of some mass is carried so.
+    #[inline(always)]
+    pub(crate) fn on_surface<C: Carrier>(
+        (first, contact): (usize, &Contact),
+        mass: f64,
+        carrier: &C,
+    ) -> (Encounter, Self) {
+        let (at, arm) = contact.meet_on(mass, carrier);
+        (at, Self { first: (first, arm), second: None })
+    }
+
     /// Shows the wrench about the origin of each body that an effort on the first one makes.
     #[inline]
     pub(crate) fn press(&self, effort: &Wrench, mut add: impl FnMut(usize, Wrench)) {
@@ -289,10 +300,7 @@ impl<'a> Part<'a> {
         mass: impl Fn(usize) -> f64,
     ) -> (Encounter, Hold) {
         match self {
-            Self::Surface(body, contact) => {
-                let (at, arm) = contact.meet_on(mass(*body), &carrier(*body));
-                (at, Hold { first: (*body, arm), second: None })
-            }
+            Self::Surface(body, contact) => Hold::on_surface((*body, contact), mass(*body), &carrier(*body)),
             Self::Pair(pair) => {
                 let [a, b] = pair.spheres.each_ref().map(|sphere| sphere.body);
                 let (at, [arm_a, arm_b]) = pair.meet_on([a, b].map(&carrier), [a, b].map(mass));

@@ -77,13 +77,10 @@ pub trait Rate: Clone + std::fmt::Debug + Storage + Send + Sync + 'static {
     fn scale(&mut self, a: f64);
     /// self ← self + a x.
     fn axpy(&mut self, a: f64, x: &Self);
-    /// Adds Σ a x to the first of a pair and Σ a y to the second, for terms (a, \[x, y\]) and in their order.
+    /// self ← self + Σ a x, in the order of the terms.
     #[inline]
-    fn add_sums<'a>([first, second]: [&mut Self; 2], terms: impl Iterator<Item = (f64, [&'a Self; 2])>) {
-        terms.for_each(|(a, [x, y])| {
-            first.axpy(a, x);
-            second.axpy(a, y);
-        });
+    fn add_sum<'a>(&mut self, terms: impl Iterator<Item = (f64, &'a Self)>) {
+        terms.for_each(|(a, x)| self.axpy(a, x));
     }
     /// self ← self + a \[x, y\], with \[x, y\] = (0, x × y) for a left action and (0, −x × y) for a right one.
     fn add_bracket(&mut self, a: f64, x: &Self, y: &Self);
@@ -325,17 +322,16 @@ impl Rate for Twist {
         self.angular += x.angular * a;
     }
     #[inline(always)]
-    fn add_sums<'a>([first, second]: [&mut Self; 2], terms: impl Iterator<Item = (f64, [&'a Self; 2])>) {
-        // As arrays by value, so that the sums stay in registers, two numbers in each.
-        let (mut sum, mut other) = (first.numbers(), second.numbers());
-        terms.for_each(|(a, [x, y])| {
-            let (x, y) = (x.numbers(), y.numbers());
+    fn add_sum<'a>(&mut self, terms: impl Iterator<Item = (f64, &'a Self)>) {
+        // As an array by value, so that the sum stays in registers, two numbers in each.
+        let mut sum = self.numbers();
+        terms.for_each(|(a, x)| {
+            let x = x.numbers();
             for i in 0..6 {
                 sum[i] += x[i] * a;
-                other[i] += y[i] * a;
             }
         });
-        (*first, *second) = (Self::from_numbers(sum), Self::from_numbers(other));
+        *self = Self::from_numbers(sum);
     }
     #[inline(always)]
     fn add_bracket(&mut self, a: f64, x: &Self, y: &Self) {
@@ -442,8 +438,8 @@ impl Rate for InBody<Twist> {
         self.0.axpy(a, &x.0);
     }
     #[inline(always)]
-    fn add_sums<'a>([first, second]: [&mut Self; 2], terms: impl Iterator<Item = (f64, [&'a Self; 2])>) {
-        Rate::add_sums([&mut first.0, &mut second.0], terms.map(|(a, [x, y])| (a, [&x.0, &y.0])));
+    fn add_sum<'a>(&mut self, terms: impl Iterator<Item = (f64, &'a Self)>) {
+        self.0.add_sum(terms.map(|(a, x)| (a, &x.0)));
     }
     #[inline(always)]
     fn add_bracket(&mut self, a: f64, x: &Self, y: &Self) {

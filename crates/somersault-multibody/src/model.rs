@@ -266,6 +266,7 @@ impl<T: Scalar> Model<T> {
     }
 
     pub(crate) fn expect_body(&self, i: usize) -> Result<&Body<T>, DynamicsError> {
-        self.bodies.get(i).ok_or(DynamicsError::NoSuchBody { found: i, n_bodies: self.n_bodies() })
+        // made only where it is returned: to drop an error costs more than to look up a body
+        self.bodies.get(i).ok_or_else(|| DynamicsError::NoSuchBody { found: i, n_bodies: self.n_bodies() })
     }
 }

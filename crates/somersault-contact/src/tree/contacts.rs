@@ -258,9 +258,10 @@ impl TreeContacts {
     pub(crate) fn meet(&self, i: usize, part: &Part<'_>, bodies: &Velocities<'_>) -> (Encounter, Hold) {
         match (part, self.base(i)) {
             (Part::Surface(link, contact), Some(base)) => self.meet_on_base((*link, contact), base, bodies),
-            (Part::Surface(..) | Part::Pair(_), _) => {
-                part.meet(|link| frame(bodies, link), |link| self.masses[link])
+            (Part::Surface(link, contact), None) => {
+                Hold::on_surface((*link, contact), self.masses[*link], &frame(bodies, *link))
             }
+            (Part::Pair(_), _) => part.meet(|link| frame(bodies, link), |link| self.masses[link]),
         }
     }
 
@@ -301,23 +302,18 @@ impl TreeContacts {
 }
 
 /// How the frame of a link stands and moves; NaN of one that is not there.
-#[inline]
+#[inline(always)]
 pub(super) fn frame(bodies: &Velocities<'_>, link: usize) -> Frame {
-    match (bodies.positions().pose(link), bodies.velocity(link)) {
-        (Ok(pose), Ok(motion)) => Frame {
+    if let Ok(pose) = bodies.positions().pose(link)
+        && let Ok(motion) = bodies.velocity(link)
+    {
+        return Frame {
             origin: pose.translation,
             rotation: pose.rotation,
             velocity: pose.rotation * motion.linear,
             angular_velocity: pose.rotation * motion.angular,
-        },
-        (Err(_), _) | (_, Err(_)) => {
-            let none = Vector3::repeat(f64::NAN);
-            Frame {
-                origin: none,
-                rotation: Matrix3::repeat(f64::NAN),
-                velocity: none,
-                angular_velocity: none,
-            }
-        }
+        };
     }
+    let none = Vector3::repeat(f64::NAN);
+    Frame { origin: none, rotation: Matrix3::repeat(f64::NAN), velocity: none, angular_velocity: none }
 }

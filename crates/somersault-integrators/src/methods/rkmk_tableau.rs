@@ -187,8 +187,9 @@ fn end_of(tableau: &Tableau) -> usize {
 /// Adds h Σ a_j K_j to the first of a pair and h Σ a_j A_j to the second, for the slopes of a row.
 #[inline(always)]
 fn add_slopes<V: Rate>(sums: [&mut V; 2], row: &[(usize, f64)], slopes: &[Slope<V>], h: f64) {
-    let terms = row.iter().map(|&(j, a)| (h * a, &slopes[j]));
-    V::add_sums(sums, terms.map(|(a, slope)| (a, [&slope.velocity, &slope.acceleration])));
+    let [velocities, accelerations] = sums;
+    velocities.add_sum(row.iter().map(|&(j, a)| (h * a, &slopes[j].velocity)));
+    accelerations.add_sum(row.iter().map(|&(j, a)| (h * a, &slopes[j].acceleration)));
 }
 
 /// Moves the rate of `stage` from that of `x` by the slopes of a row, p = pₙ + h Σ a_j A_j, and finds the displacement that leads to
@@ -280,10 +281,10 @@ impl<S: System, T: Coefficients> Stepper<S> for RungeKuttaMuntheKaas<T> {
         let is_configuration_read = system.depends_on_configuration();
         for i in 1..end {
             let (known, rest) = slopes.split_at_mut(i);
+            displace(tableau.row(i), known, x, h, &mut u, &mut stage);
             if is_configuration_read {
-                advance(tableau.row(i), known, x, h, &mut u, &mut stage);
-            } else {
-                displace(tableau.row(i), known, x, h, &mut u, &mut stage);
+                stage.configuration.assign(&x.configuration);
+                stage.configuration.drift(&u, 1.0);
             }
             evaluate(system, workspace, t + tableau.node(i) * h, &stage, &u, &mut rest[0]);
         }
