@@ -60,6 +60,33 @@ class TestMarkers:
         np.testing.assert_array_equal(found.times, recording.times)
         assert found.names == recording.names
 
+    def test_weights_go_with_their_points(self) -> None:
+        plain = gapped()
+        assert plain.weights is None
+        weights = np.linspace(0.1, 1.0, 24).reshape(12, 2)
+        weights[3, 0] = np.nan  # of a marker that is missing there
+        recording = motion.MarkerRecording(plain.names, plain.times, plain.points, plain.present, weights)
+        again = pickle.loads(pickle.dumps(recording))
+        for found, expected in (
+            (again, weights),
+            (recording.select(["knee", "hip"]), weights[:, ::-1]),
+            (recording.resample(recording.times), weights),
+        ):
+            there = found.present
+            np.testing.assert_array_equal(found.weights[there], expected[there])
+        # of the frames beside a point the lesser weight
+        assert recording.fill_gaps(0.35).weights[3, 0] == weights[2, 0]
+        middle = recording.resample([0.65])
+        assert middle.weights is not None and middle.weights[0, 1] == weights[6, 1]
+        seen = motion.KeypointRecording(["a", "b"], [0.0], [[[1, 2], [3, 4]]], [[0.4, 0.8]])
+        np.testing.assert_array_equal(seen.markers(scale=1.0).weights, [[0.5, 1.0]])
+        for wrong in (0.0, 1.5, -1.0, np.inf):
+            weights[5, 1] = wrong
+            with pytest.raises(errors.InputError, match=r"`weights` must be above 0 and at most 1, found"):
+                motion.MarkerRecording(plain.names, plain.times, plain.points, plain.present, weights)
+        with pytest.raises(errors.InputError, match="`weights` must have the shape"):
+            motion.MarkerRecording(plain.names, plain.times, plain.points, plain.present, weights[1:])
+
     def test_filled_gaps_are_scipys_cubic_spline(self) -> None:
         recording = gapped()
         filled = recording.fill_gaps(0.35)

@@ -1,6 +1,7 @@
 //! One frame: Levenberg–Marquardt over bounds.
 
 use super::estimate::{Estimate, Unknowns};
+use super::problem::Target;
 use super::quadratic::{Activity, BoundedQuadratic};
 use super::{FitError, FitOptions, Loss, MarkerSet};
 use nalgebra::{DMatrix, DVector, SymmetricEigen, Vector3};
@@ -205,7 +206,7 @@ impl<'a> FrameFitter<'a> {
     /// Lays the model in the posture of `estimate` over the markers.
     pub(super) fn align(
         &mut self,
-        targets: &[Option<Vector3<f64>>],
+        targets: &[Option<Target>],
         estimate: &mut Estimate,
     ) -> Result<(), DynamicsError> {
         let positions = self.model.positions(&mut self.data, &estimate.q)?;
@@ -213,7 +214,7 @@ impl<'a> FrameFitter<'a> {
         let mut pairs = Vec::new();
         for (marker, target) in self.markers.markers().iter().zip(targets) {
             if let Some(target) = target {
-                pairs.push((positions.pose(marker.body)?.point(&marker.point) - root, *target));
+                pairs.push((positions.pose(marker.body)?.point(&marker.point) - root, target.point));
             }
         }
         let bounds = [self.unknowns.lower[0], self.unknowns.upper[0]];
@@ -222,11 +223,7 @@ impl<'a> FrameFitter<'a> {
     }
 
     /// The minimum from `start`. `targets` has an entry for each marker of the model.
-    pub(super) fn fit(
-        &mut self,
-        targets: &[Option<Vector3<f64>>],
-        start: &Estimate,
-    ) -> Result<FrameFit, FitError> {
+    pub(super) fn fit(&mut self, targets: &[Option<Target>], start: &Estimate) -> Result<FrameFit, FitError> {
         let mut estimate = start.clone();
         let (status, iterations, cost) = self.minimize(targets, &mut estimate, Until::CONVERGED)?;
         let residuals = self.distances(targets, &estimate)?;
@@ -250,13 +247,13 @@ impl<'a> FrameFitter<'a> {
     }
 
     /// Half the sum of squares of markers that are off by a fraction of their distance from their centre, weighted.
-    pub(super) fn cost_of_share(&self, targets: &[Option<Vector3<f64>>], share: f64) -> f64 {
-        let present = || targets.iter().flatten();
+    pub(super) fn cost_of_share(&self, targets: &[Option<Target>], share: f64) -> f64 {
+        let present = || targets.iter().flatten().map(|target| target.point);
         let n = present().count().max(1) as f64;
         let centre = present().sum::<Vector3<f64>>() / n;
         let squared = present().map(|y| (y - centre).norm_squared()).sum::<f64>() / n * share * share;
-        let of = |(marker, target): (&super::Marker, &Option<Vector3<f64>>)| {
-            target.map_or(0.0, |_| 0.5 * marker.weight * self.options.loss.evaluate(squared).0)
+        let of = |(marker, target): (&super::Marker, &Option<Target>)| {
+            target.map_or(0.0, |y| 0.5 * marker.weight * y.weight * self.options.loss.evaluate(squared).0)
         };
         self.markers.markers().iter().zip(targets).map(of).sum()
     }
@@ -265,7 +262,7 @@ impl<'a> FrameFitter<'a> {
     /// cost.
     pub(super) fn minimize(
         &mut self,
-        targets: &[Option<Vector3<f64>>],
+        targets: &[Option<Target>],
         estimate: &mut Estimate,
         until: Until,
     ) -> Result<(FitStatus, usize, f64), DynamicsError> {
@@ -324,9 +321,9 @@ impl<'a> FrameFitter<'a> {
     }
 
     /// The cost of a perfect fit, which angles that no marker determines would take indefinitely to lower.
-    fn no_cost(&self, targets: &[Option<Vector3<f64>>]) -> f64 {
-        let of = |(marker, target): (&super::Marker, &Option<Vector3<f64>>)| {
-            target.map_or(0.0, |y| 0.5 * marker.weight * (NO_DISTANCE * y.amax()).powi(2))
+    fn no_cost(&self, targets: &[Option<Target>]) -> f64 {
+        let of = |(marker, target): (&super::Marker, &Option<Target>)| {
+            target.map_or(0.0, |y| 0.5 * marker.weight * y.weight * (NO_DISTANCE * y.point.amax()).powi(2))
         };
         self.markers.markers().iter().zip(targets).map(of).sum()
     }
@@ -367,7 +364,7 @@ impl<'a> FrameFitter<'a> {
     /// ½ Σ c ρ(‖e‖²).
     pub(super) fn cost(
         &mut self,
-        targets: &[Option<Vector3<f64>>],
+        targets: &[Option<Target>],
         estimate: &Estimate,
     ) -> Result<f64, DynamicsError> {
         let positions = self.model.positions(&mut self.data, &estimate.q)?;
@@ -376,8 +373,8 @@ impl<'a> FrameFitter<'a> {
         for (marker, target) in self.markers.markers().iter().zip(targets) {
             let Some(target) = target else { continue };
             let arm = positions.pose(marker.body)?.point(&marker.point) - root;
-            let squared = (root + arm * estimate.scale - target).norm_squared();
-            cost += 0.5 * marker.weight * self.options.loss.evaluate(squared).0;
+            let squared = (root + arm * estimate.scale - target.point).norm_squared();
+            cost += 0.5 * marker.weight * target.weight * self.options.loss.evaluate(squared).0;
         }
         Ok(cost)
     }
@@ -385,15 +382,15 @@ impl<'a> FrameFitter<'a> {
     /// Distances of the markers that are there.
     fn distances(
         &mut self,
-        targets: &[Option<Vector3<f64>>],
+        targets: &[Option<Target>],
         estimate: &Estimate,
     ) -> Result<Vec<Option<f64>>, DynamicsError> {
         let positions = self.model.positions(&mut self.data, &estimate.q)?;
         let root = positions.pose(0)?.translation;
-        let distance = |(marker, target): (&super::Marker, &Option<Vector3<f64>>)| {
+        let distance = |(marker, target): (&super::Marker, &Option<Target>)| {
             let Some(target) = target else { return Ok(None) };
             let arm = positions.pose(marker.body)?.point(&marker.point) - root;
-            Ok(Some((root + arm * estimate.scale - target).norm()))
+            Ok(Some((root + arm * estimate.scale - target.point).norm()))
         };
         self.markers.markers().iter().zip(targets).map(distance).collect()
     }
@@ -402,11 +399,7 @@ impl<'a> FrameFitter<'a> {
     ///
     /// With x = r + s d the derivative by the scale is d, by rates J_root + s (J_marker − J_root): of the rates
     /// of the root's place d does not depend.
-    fn linearize(
-        &mut self,
-        targets: &[Option<Vector3<f64>>],
-        estimate: &Estimate,
-    ) -> Result<f64, DynamicsError> {
+    fn linearize(&mut self, targets: &[Option<Target>], estimate: &Estimate) -> Result<f64, DynamicsError> {
         let n_root = self.unknowns.root.1;
         let weights_at = self.unknowns.weights_at();
         let scale = estimate.scale;
@@ -421,10 +414,10 @@ impl<'a> FrameFitter<'a> {
                 continue;
             };
             let arm = positions.pose(marker.body)?.point(&marker.point) - root;
-            let error = root + arm * scale - target;
+            let error = root + arm * scale - target.point;
             let (loss, slope) = self.options.loss.evaluate(error.norm_squared());
-            cost += 0.5 * marker.weight * loss;
-            let weight = (marker.weight * slope).sqrt();
+            cost += 0.5 * marker.weight * target.weight * loss;
+            let weight = (marker.weight * target.weight * slope).sqrt();
             let frame = Transform::translation(marker.point);
             positions.jacobian_into(marker.body, &frame, Axes::World, &mut self.of_marker)?;
             for axis in 0..3 {
@@ -523,7 +516,7 @@ impl<'a> FrameFitter<'a> {
     /// What is known of the unknowns, their covariance, and whether the residuals are beyond the noise.
     fn examine(
         &mut self,
-        targets: &[Option<Vector3<f64>>],
+        targets: &[Option<Target>],
         estimate: &Estimate,
     ) -> Result<Examined, DynamicsError> {
         self.linearize(targets, estimate)?;
@@ -575,7 +568,7 @@ impl<'a> FrameFitter<'a> {
     /// Gauss and Newton, H_ss − H_sf H_ff⁻¹ H_fs over what is free.
     pub(super) fn derivatives_by_scale(
         &mut self,
-        targets: &[Option<Vector3<f64>>],
+        targets: &[Option<Target>],
         estimate: &Estimate,
     ) -> Result<[f64; 2], DynamicsError> {
         self.linearize(targets, estimate)?;

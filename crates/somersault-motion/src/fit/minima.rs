@@ -7,10 +7,9 @@
 //! as long as any gets lower. What is lower by rounding only is left.
 
 use super::frame::{FitStatus, FrameFit, FrameFitter, Until};
-use super::problem::{Targets, expect_not_cancelled};
+use super::problem::{Target, Targets, expect_not_cancelled};
 use super::starts::{Starts, is_better};
 use super::{Estimate, FitError, MarkerFit};
-use nalgebra::Vector3;
 use rayon::prelude::*;
 use somersault_core::cancel::CancellationToken;
 use somersault_multibody::{Group, Joint};
@@ -104,8 +103,8 @@ pub(super) fn find_mirrored(
         if !is_minimum || found.cost <= fitter.cost_of_share(&targets[i], SUSPICIOUS) {
             return Ok(());
         }
-        let mirror = |y: &Vector3<f64>| y - across * (2.0 * across.dot(y));
-        let mirrored: Targets = targets[i].iter().map(|y| y.as_ref().map(mirror)).collect();
+        let mirror = |y: Target| Target { point: y.point - across * (2.0 * across.dot(&y.point)), ..y };
+        let mirrored: Targets = targets[i].iter().map(|y| y.map(mirror)).collect();
         let below = MIRRORED * found.cost;
         if let Some(start) = starts.best(fitter, &mirrored, below)?
             && fitter.cost(&mirrored, &start)? < below

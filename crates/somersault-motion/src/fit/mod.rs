@@ -7,7 +7,7 @@
 //! minimise  ½ Σ_k c_k ρ(‖x_k − y_k‖²),    x_k = r + s d_k(q)
 //! ```
 //! over the markers k that the frame has. r is the origin of the root, d_k the place of the marker from there, in the axes of the
-//! world, c_k the marker's weight and ρ the [`Loss`]. The shape is that of all joints within their limits, or the
+//! world, c_k the marker's weight times that of its point in the recording, and ρ the [`Loss`]. The shape is that of all joints within their limits, or the
 //! weights w of eigenpostures with w ≥ 0 and Σ w ≤ 1 ([`Shape`]).
 //!
 //! Method: Levenberg–Marquardt with the Jacobians of the tree, on the group of each joint; every step minimises the

@@ -42,8 +42,16 @@ pub(super) fn expect_not_cancelled(token: &CancellationToken) -> Result<(), FitE
     if token.is_cancelled() { Err(FitError::Interrupted) } else { Ok(()) }
 }
 
+/// Where a marker was recorded.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Target {
+    pub(crate) point: Vector3<f64>,
+    /// In the recording.
+    pub(crate) weight: f64,
+}
+
 /// Of one frame, for each marker of the model.
-pub(crate) type Targets = Vec<Option<Vector3<f64>>>;
+pub(crate) type Targets = Vec<Option<Target>>;
 
 impl MarkerFit {
     /// Fits `markers` of `model` as `options` say.
@@ -76,9 +84,13 @@ impl MarkerFit {
             let (expected, found) = (names.join(", "), recording.names().join(", "));
             return Err(FitError::NoCommonMarker { expected, found });
         }
-        let frame = |points: &[Option<Vector3<f64>>]| numbers.iter().map(|k| points[(*k)?]).collect();
-        let targets: Vec<Targets> = recording.frames().map(frame).collect();
-        expect_squarable("recording", targets.iter().flatten().flatten().flat_map(|y| y.iter()))?;
+        let frame = |(i, points): (usize, &[Option<Vector3<f64>>])| {
+            let weights: Vec<f64> = recording.weights(i).collect();
+            let target = |k: usize| points[k].map(|point| Target { point, weight: weights[k] });
+            numbers.iter().map(|k| target((*k)?)).collect()
+        };
+        let targets: Vec<Targets> = recording.frames().enumerate().map(frame).collect();
+        expect_squarable("recording", targets.iter().flatten().flatten().flat_map(|y| y.point.iter()))?;
         Ok(targets)
     }
 }

@@ -13,8 +13,8 @@
 
 use super::estimate::{Estimate, Unknowns};
 use super::frame::{FrameFitter, Until};
+use super::problem::Target;
 use super::{FitError, FitOptions, Shape};
-use nalgebra::Vector3;
 use somersault_multibody::{Model, Turning};
 use std::f64::consts::PI;
 
@@ -66,7 +66,7 @@ impl Starts {
     pub(super) fn best(
         &self,
         fitter: &mut FrameFitter,
-        frame: &[Option<Vector3<f64>>],
+        frame: &[Option<Target>],
         below: f64,
     ) -> Result<Option<Estimate>, FitError> {
         let short = Until { iterations: SHORT, below, ..Until::CONVERGED };

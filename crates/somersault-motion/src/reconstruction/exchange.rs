@@ -43,11 +43,13 @@ pub(super) fn exchanged(
     for (i, (frame, measured)) in flight.frames.iter().zip(recording.frames()).enumerate() {
         let positions = model.positions(&mut data, &frame.q)?;
         let root = positions.pose(0)?.translation;
+        let weights: Vec<f64> = recording.weights(i).collect();
         let mut places = Vec::new();
         for (k, marker) in markers.markers().iter().enumerate() {
             let Some(number) = numbers[k] else { continue };
             let arm = positions.pose(marker.body)?.point(&marker.point) - root;
-            places.push((k, measured[number], root + arm * flight.scale[0], marker.weight));
+            let weight = marker.weight * weights[number];
+            places.push((k, measured[number], root + arm * flight.scale[0], weight));
         }
         let mut gains = Vec::new();
         for (first, (a, y_a, x_a, w_a)) in places.iter().enumerate() {
@@ -89,12 +91,15 @@ pub(super) fn put_right(
     let numbers = numbers(markers, recording);
     let n = recording.n_markers();
     let mut points: Vec<Option<Vector3<f64>>> = recording.frames().flatten().copied().collect();
+    let mut weights: Vec<f64> = (0..recording.n_frames()).flat_map(|i| recording.weights(i)).collect();
     for (i, a, b) in swaps {
         if let (Some(a), Some(b)) = (numbers[*a], numbers[*b]) {
             points.swap(i * n + a, i * n + b);
+            weights.swap(i * n + a, i * n + b);
         }
     }
-    MarkerRecording::try_new(recording.names().to_vec(), recording.times().to_vec(), points)
+    MarkerRecording::try_new(recording.names().to_vec(), recording.times().to_vec(), points)?
+        .with_weights(weights)
 }
 
 /// What was exchanged pair by pair, from one gap of more than `gap` s without it to the next.

@@ -12,8 +12,8 @@
 //! ```text
 //! minimise  Σ r ᵀ C⁻¹ r + Σ_{c,j} (q̈_c(t_j)/a_c)² + ((s − s̄)/σ_s)²
 //! ```
-//! over the markers' residuals r, C their covariance: white and correlated noise ([`MarkerNoise`]), Huber's loss by
-//! reweighting. Second derivatives q̈ at the knots are normal with sizes a_c for each joint, which are estimated by expectation and
+//! over the markers' residuals r, C their covariance: white and correlated noise ([`MarkerNoise`]), to which a weight w of a point in the
+//! recording adds white noise of the variance (1/w − 1) σ², Huber's loss by reweighting. Second derivatives q̈ at the knots are normal with sizes a_c for each joint, which are estimated by expectation and
 //! maximisation; the noise is by restricted maximum likelihood. Taken for white, correlated noise makes intervals that
 //! hold the truth in half of all cases.
 //!

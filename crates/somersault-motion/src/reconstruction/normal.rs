@@ -23,6 +23,8 @@ pub(super) struct Observed {
     pub(super) reference: usize,
     /// For each frame, each marker of the set.
     pub(super) points: Vec<Vec<Option<Vector3<f64>>>>,
+    /// The weights of the points in the recording.
+    pub(super) weights: Trust,
 }
 
 /// Where the body and its markers are in a frame.
@@ -67,7 +69,7 @@ const CHUNK: usize = 24;
 /// What a filter has of a frame before that is no longer counted.
 const FORGOTTEN: f64 = 1e-9;
 
-/// For each frame and marker what the robust loss trusts the point with, 1 at most.
+/// For each frame and marker the weight of the point, 1 at most.
 pub(super) type Trust = Vec<Vec<f64>>;
 
 /// Room for kinematics.

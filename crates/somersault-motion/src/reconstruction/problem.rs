@@ -223,11 +223,16 @@ impl FlightReconstruction {
     ) -> Result<Begun, ReconstructionError> {
         let times = recording.times();
         let fit = MarkerFit::try_new(&self.model, self.markers.clone(), crate::fit::FitOptions::default())?;
-        let points = fit.targets(recording)?;
+        let targets = fit.targets(recording)?;
+        let points = targets.iter().map(|frame| frame.iter().map(|y| Some((*y)?.point)).collect());
+        let points: Vec<Vec<_>> = points.collect();
+        let weights = targets.iter().map(|frame| frame.iter().map(|y| y.map_or(1.0, |y| y.weight)).collect());
+        let weights: Vec<Vec<_>> = weights.collect();
         let mut best: Option<Begun> = None;
         for &reference in references {
             let frame = fits.reference(times, reference);
-            let observed = Observed { times: times.to_vec(), reference: frame, points: points.clone() };
+            let (points, weights) = (points.clone(), weights.clone());
+            let observed = Observed { times: times.to_vec(), reference: frame, points, weights };
             let (flight, noise) = self.beginning_at(fits, &observed, n_intervals, token)?;
             let is_minimum = !matches!(
                 flight.status,
@@ -327,7 +332,7 @@ impl FlightReconstruction {
             observed,
             prior,
             noise,
-            trust: vec![vec![1.0; markers.markers().len()]; times.len()],
+            trust: observed.weights.clone(),
             threshold: options.threshold,
             seen,
             estimate,

@@ -158,15 +158,16 @@ impl<'a> Search<'a> {
         Ok(ReconstructionStatus::IterationLimit)
     }
 
-    /// What the robust loss trusts each point with.
+    /// Weights by the recording and the robust loss.
     fn weigh(&mut self, estimate: &Estimate, frames: &Range<usize>, noise: &MarkerNoise, placed: &[Placed]) {
         let Some(threshold) = self.threshold else { return };
         let residuals = self.flown.residuals(self.observed, estimate, frames.clone(), placed);
         for (i, of_frame) in frames.clone().zip(residuals) {
             for (k, residual) in of_frame.iter().enumerate() {
-                let size = noise.size / self.markers.markers()[k].weight.sqrt();
+                let recorded = self.observed.weights[i][k];
+                let size = noise.size / (self.markers.markers()[k].weight * recorded).sqrt();
                 let distance = residual.map_or(0.0, |r| r.norm()) / size;
-                self.trust[i][k] = (threshold / distance).min(1.0);
+                self.trust[i][k] = recorded * (threshold / distance).min(1.0);
             }
         }
     }
@@ -425,7 +426,8 @@ mod tests {
         // a gap of one marker
         let mut points: Vec<Vec<_>> = times.iter().map(|_| (0..3).map(|_| point()).collect()).collect();
         (5..9).for_each(|i| points[i][1] = None);
-        let observed = Observed { times, reference: 9, points };
+        let weights = vec![vec![1.0; 3]; points.len()];
+        let observed = Observed { times, reference: 9, points, weights };
         let estimate = estimate((0..7 * 4).map(|_| random(0.6)).collect());
         let token = CancellationToken::new();
         // the leg is beyond them at some knots
@@ -474,7 +476,8 @@ mod tests {
         let estimate = estimate((0..7 * 4).map(|k| 0.5 * f64::from(k).sin()).collect());
         let times: Vec<f64> = (0..11).map(|i| 0.02 * f64::from(i)).collect();
         let points = times.iter().map(|t| vec![Some(Vector3::new(*t, 0.3, 0.1)); 3]).collect();
-        let observed = Observed { times, reference: 4, points };
+        let weights = vec![vec![1.0; 3]; points.len()];
+        let observed = Observed { times, reference: 4, points, weights };
         let noise = MarkerNoise { size: 0.1, correlated: 0.7, time: 0.1 };
         let (frames, knots) = (0..11, 0..splines.n_knots());
         let (mut room, mut kinematics) = (Room::new(&model, &splines), Kinematics::new(&model));

@@ -127,7 +127,7 @@ impl FrameFits {
         let mut data = Data::new(model);
         let mut found = Vec::new();
         let mut n_over = 0;
-        for (frame, points) in self.frames.iter().zip(&observed.points) {
+        for ((frame, points), weights) in self.frames.iter().zip(&observed.points).zip(&observed.weights) {
             let n_unknown = frame.unknowns.iter().filter(|s| **s == UnknownStatus::Determined).count();
             let measured = layout.dimension() * points.iter().flatten().count();
             let over = measured.saturating_sub(n_unknown);
@@ -135,11 +135,11 @@ impl FrameFits {
                 let positions = model.positions(&mut data, &frame.estimate.q)?;
                 let root = positions.pose(0)?.translation;
                 let mut squares = 0.0;
-                for (marker, point) in markers.markers().iter().zip(points) {
+                for ((marker, point), weight) in markers.markers().iter().zip(points).zip(weights) {
                     let Some(point) = point else { continue };
                     let arm = positions.pose(marker.body)?.point(&marker.point) - root;
                     let residual = root + arm * frame.estimate.scale - point;
-                    squares += marker.weight * layout.within(&residual).norm_squared();
+                    squares += marker.weight * weight * layout.within(&residual).norm_squared();
                 }
                 let median = chi_squared_quantile(over, 0.0);
                 found.push(squares / (over as f64 * median));

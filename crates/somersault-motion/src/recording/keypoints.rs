@@ -39,7 +39,8 @@ impl KeypointRecording {
             return Err(RecordingError::NonFinite { argument: "points", frame: k / n_dims / names.len() });
         }
         if let Some(k) = weights.iter().position(|w| !(*w >= 0.0 && w.is_finite())) {
-            return Err(RecordingError::Weight { frame: k / names.len(), found: weights[k] });
+            let (frame, allowed) = (k / names.len(), "finite and at least 0");
+            return Err(RecordingError::Weight { frame, allowed, found: weights[k] });
         }
         Ok(Self { names, times, n_dims, points, weights })
     }
@@ -80,7 +81,8 @@ impl KeypointRecording {
     }
 
     /// The points as markers: coordinates times `scale`, m of their unit along each axis, in the axes of a convention, whose unit
-    /// is not used. Points of a picture get a third coordinate of 0. Those of a weight of `threshold` or less are missing.
+    /// is not used. Points of a picture get a third coordinate of 0. Those of a weight of `threshold` or less are missing; the others have
+    /// their weight as a fraction of the largest.
     pub fn markers(
         &self,
         scale: [f64; 3],
@@ -96,7 +98,10 @@ impl KeypointRecording {
             let coordinate = |i: usize| x.get(i).map_or(0.0, |x| x * scale[i]);
             (*weight > threshold).then(|| axes.position(&Vector3::from_fn(|i, _| coordinate(i))))
         };
-        MarkerRecording::try_new(self.names.clone(), self.times.clone(), rows.map(point).collect())
+        let largest = self.weights.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+        let weights = self.weights.iter().map(|weight| (weight / largest).max(f64::MIN_POSITIVE)).collect();
+        MarkerRecording::try_new(self.names.clone(), self.times.clone(), rows.map(point).collect())?
+            .with_weights(weights)
     }
 }
 
@@ -116,6 +121,8 @@ mod tests {
         assert!((toe - Vector3::new(1.1, 0.0, -2.5)).norm() < 1e-14, "down in the picture is down: {toe}");
         let sure = recording.markers([0.01; 3], &axes, 0.5).unwrap();
         assert_eq!(sure.frame(0).unwrap()[1], None);
+        let weights: Vec<f64> = all.weights(0).collect();
+        assert!(weights[0] == 1.0 && (weights[1] - 2.0 / 9.0).abs() < 1e-15 && !sure.is_weighted());
         let found = recording.markers([0.0; 3], &axes, 0.5);
         assert!(matches!(found, Err(RecordingError::Argument(ArgumentError::NotPositive { .. }))));
     }
@@ -126,7 +133,8 @@ mod tests {
         let found = KeypointRecording::try_new(one(), vec![0.0], 4, vec![0.0; 4], vec![1.0]);
         assert_eq!(found, Err(RecordingError::Dimensions { found: 4 }));
         let found = KeypointRecording::try_new(one(), vec![0.0], 2, vec![0.0; 2], vec![-1.0]);
-        assert_eq!(found, Err(RecordingError::Weight { frame: 0, found: -1.0 }));
+        let allowed = "finite and at least 0";
+        assert_eq!(found, Err(RecordingError::Weight { frame: 0, allowed, found: -1.0 }));
         let found = KeypointRecording::try_new(one(), vec![0.0], 2, vec![0.0, f64::NAN], vec![1.0]);
         assert_eq!(found, Err(RecordingError::NonFinite { argument: "points", frame: 0 }));
     }

@@ -4,12 +4,15 @@ use super::{CubicSpline, RecordingError, expect_times, expect_unique, expect_wit
 use nalgebra::Vector3;
 use somersault_core::argument::{ArgumentError, expect_length};
 
-/// Markers by name, frames by time, and where each marker was in each frame: in m, z up, `None` in a gap.
+/// Markers by name, frames by time, and where each marker was in each frame: in m, z up, `None` in a gap. Each point has a weight in
+/// (0, 1], which is 1 unless [`with_weights`](Self::with_weights) says otherwise.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MarkerRecording {
     names: Vec<String>,
     times: Vec<f64>,
     points: Vec<Option<Vector3<f64>>>,
+    /// None where all are 1.
+    weights: Option<Vec<f64>>,
 }
 
 impl MarkerRecording {
@@ -29,7 +32,21 @@ impl MarkerRecording {
         if let Some(k) = points.iter().position(bad) {
             return Err(RecordingError::NonFinite { argument: "points", frame: k / names.len() });
         }
-        Ok(Self { names, times, points })
+        Ok(Self { names, times, points, weights: None })
+    }
+
+    /// The same with the weight of each point of each frame, by which fits and reconstructions count its squared distance: σ²/w is
+    /// the variance of its noise where that of a point of weight 1 is σ². Those of points that are missing do not count.
+    pub fn with_weights(self, weights: Vec<f64>) -> Result<Self, RecordingError> {
+        expect_length("weights", weights.len(), self.points.len())?;
+        let is_bad = |(w, point): (&f64, &Option<_>)| point.is_some() && !(*w > 0.0 && *w <= 1.0);
+        if let Some(k) = weights.iter().zip(&self.points).position(is_bad) {
+            let (frame, allowed) = (k / self.n_markers(), "above 0 and at most 1");
+            return Err(RecordingError::Weight { frame, allowed, found: weights[k] });
+        }
+        let is_one = |(w, point): (&f64, &Option<_>)| point.is_none() || *w == 1.0;
+        let all_are_one = weights.iter().zip(&self.points).all(is_one);
+        Ok(Self { weights: (!all_are_one).then_some(weights), ..self })
     }
 
     /// Names of the markers.
@@ -55,6 +72,27 @@ impl MarkerRecording {
     /// All markers in frame `i`, in the order of the names, if there is such a frame.
     pub fn frame(&self, i: usize) -> Option<&[Option<Vector3<f64>>]> {
         (i < self.n_frames()).then(|| &self.points[i * self.n_markers()..(i + 1) * self.n_markers()])
+    }
+
+    /// The weights of the points of frame `i`, in the order of the names.
+    pub fn weights(&self, i: usize) -> impl Iterator<Item = f64> {
+        let first = i * self.n_markers();
+        (first..first + self.n_markers()).map(|k| self.weight(k))
+    }
+
+    /// Whether some point has another weight than 1.
+    pub fn is_weighted(&self) -> bool {
+        self.weights.is_some()
+    }
+
+    /// The weight of entry `k` of all points.
+    fn weight(&self, k: usize) -> f64 {
+        self.weights.as_ref().and_then(|weights| weights.get(k)).copied().unwrap_or(1.0)
+    }
+
+    /// The same points with the weights of these entries of `of`.
+    fn weighted_as(self, of: &Self, entries: impl Iterator<Item = usize>) -> Result<Self, RecordingError> {
+        if of.is_weighted() { self.with_weights(entries.map(|k| of.weight(k)).collect()) } else { Ok(self) }
     }
 
     /// The frames in turn.
@@ -91,44 +129,55 @@ impl MarkerRecording {
         let numbers = names.iter().map(|n| self.marker(n.as_ref())).collect::<Result<Vec<_>, _>>()?;
         let points = self.frames().flat_map(|frame| numbers.iter().map(|&k| frame[k])).collect();
         let names = names.iter().map(|n| n.as_ref().to_owned()).collect();
-        Self::try_new(names, self.times.clone(), points)
+        let entries =
+            (0..self.n_frames()).flat_map(|i| numbers.iter().map(move |k| i * self.n_markers() + k));
+        Self::try_new(names, self.times.clone(), points)?.weighted_as(self, entries)
     }
 
     /// The frames of a range, of which there must be one.
     pub fn part(&self, frames: std::ops::Range<usize>) -> Result<Self, RecordingError> {
         let end = frames.end.min(self.n_frames());
         let frames = frames.start.min(end)..end;
-        let points = self.points[frames.start * self.n_markers()..frames.end * self.n_markers()].to_vec();
-        Self::try_new(self.names.clone(), self.times[frames].to_vec(), points)
+        let entries = frames.start * self.n_markers()..frames.end * self.n_markers();
+        let points = self.points[entries.clone()].to_vec();
+        Self::try_new(self.names.clone(), self.times[frames].to_vec(), points)?.weighted_as(self, entries)
     }
 
     /// The same motion at other times, by a cubic spline through each marker's unbroken stretches.
     ///
-    /// What lies in a gap stays missing: between two neighbouring frames of which one lacks the marker.
+    /// What lies in a gap stays missing: between two neighbouring frames of which one lacks the marker. The weight of a point is the lesser of
+    /// those of the frames beside it.
     pub fn resample(&self, times: &[f64]) -> Result<Self, RecordingError> {
         expect_times(times)?;
         expect_within(&self.times, times)?;
         let mut points = vec![None; times.len() * self.n_markers()];
+        let mut weights = vec![1.0; points.len()];
         for k in 0..self.n_markers() {
             for (from, to) in self.stretches(k) {
                 let spline = self.spline(k, from..to)?;
                 let (first, last) = (self.times[from], self.times[to - 1]);
                 let inside = times.iter().enumerate().filter(|(_, t)| (first..=last).contains(*t));
                 for (i, &t) in inside {
-                    points[i * self.n_markers() + k] = Some(spline.evaluate(t));
+                    let at = i * self.n_markers() + k;
+                    points[at] = Some(spline.evaluate(t));
+                    let after = self.times.partition_point(|time| *time < t);
+                    let before = if self.times[after] == t { after } else { after - 1 };
+                    weights[at] = self.lesser_weight(k, [before, after]);
                 }
             }
         }
-        Self::try_new(self.names.clone(), times.to_vec(), points)
+        Self::try_new(self.names.clone(), times.to_vec(), points)?.with_weights(weights)
     }
 
     /// Fills each gap that lasts at most `longest`, s, from the frame before to the frame after it, by a cubic
-    /// spline through all the frames that have the marker. Gaps at the start or the end stay.
+    /// spline through all the frames that have the marker, with the lesser of the weights of these two frames. Gaps at the start or the
+    /// end stay.
     pub fn fill_gaps(&self, longest: f64) -> Result<Self, RecordingError> {
         if !(longest > 0.0 && longest.is_finite()) {
             return Err(ArgumentError::NotPositive { argument: "longest", found: longest }.into());
         }
-        let mut filled = self.clone();
+        let mut filled = self.points.clone();
+        let mut weights: Vec<f64> = (0..filled.len()).map(|k| self.weight(k)).collect();
         for k in 0..self.n_markers() {
             let stretches = self.stretches(k);
             let mut spline = None;
@@ -142,12 +191,20 @@ impl MarkerRecording {
                     empty => empty.insert(self.spline(k, 0..self.n_frames())?),
                 };
                 for i in before + 1..after {
-                    filled.points[i * self.n_markers() + k] = Some(spline.evaluate(self.times[i]));
+                    let at = i * self.n_markers() + k;
+                    filled[at] = Some(spline.evaluate(self.times[i]));
+                    weights[at] = self.lesser_weight(k, [before, after]);
                 }
             }
         }
         // between far points a spline may go beyond all numbers
-        Self::try_new(filled.names, filled.times, filled.points)
+        Self::try_new(self.names.clone(), self.times.clone(), filled)?.with_weights(weights)
+    }
+
+    /// The lesser of the weights of marker `k` in two frames.
+    fn lesser_weight(&self, k: usize, frames: [usize; 2]) -> f64 {
+        let [a, b] = frames.map(|i| self.weight(i * self.n_markers() + k));
+        a.min(b)
     }
 
     /// The unbroken stretches of marker `k`: first frame, and the frame after the last.

@@ -105,11 +105,13 @@ pub enum RecordingError {
         /// Number found.
         found: usize,
     },
-    /// A weight is negative or not finite.
-    #[error("`weights` must be finite and at least 0, found {found} in frame {frame}")]
+    /// A weight is not allowed.
+    #[error("`weights` must be {allowed}, found {found} in frame {frame}")]
     Weight {
         /// Frame, from 0.
         frame: usize,
+        /// What it may be.
+        allowed: &'static str,
         /// Weight found.
         found: f64,
     },

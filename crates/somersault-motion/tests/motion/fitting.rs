@@ -606,3 +606,48 @@ fn limits_that_the_markers_contradict_are_told_from_those_they_confirm() {
         assert!(if beyond > 0.0 { n_beyond == 40 } else { n_beyond <= 1 }, "{n_beyond} of 40 beyond");
     }
 }
+
+/// The same numbers as of markers with these weights in every frame.
+#[test]
+fn weights_of_a_recording_count_as_those_of_markers() {
+    let diver = Diver::planar();
+    let model = diver.model().unwrap();
+    let set = markers(&model);
+    let seen = record(&model, &set, &motion(&diver, 5), 1.0, 0.02, 3);
+    let weights: Vec<f64> = (0..set.markers().len()).map(|k| 1.0 / (1 + k % 4) as f64).collect();
+    let mut weighted = set.markers().to_vec();
+    weighted.iter_mut().zip(&weights).for_each(|(marker, weight)| marker.weight = *weight);
+    let by_markers = MarkerSet::try_new(&model, weighted).unwrap();
+    let by_recording = seen.clone().with_weights(weights.repeat(5)).unwrap();
+    let fit = |set: &MarkerSet, seen: &MarkerRecording| {
+        MarkerFit::try_new(&model, set.clone(), begun(&diver)).unwrap().fit(seen).unwrap()
+    };
+    let (one, other) = (fit(&by_markers, &seen), fit(&set, &by_recording));
+    assert_ne!(one.frames[2].estimate, fit(&set, &seen).frames[2].estimate);
+    for (a, b) in one.frames.iter().zip(&other.frames) {
+        assert_eq!((&a.estimate, a.cost, &a.covariance), (&b.estimate, b.cost, &b.covariance));
+    }
+}
+
+#[test]
+fn points_of_little_weight_hardly_count() {
+    let diver = Diver::planar();
+    let model = diver.model().unwrap();
+    let set = markers(&model);
+    let truth = motion(&diver, 6);
+    let seen = record(&model, &set, &truth, 1.0, 0.0, 3);
+    // in each frame another marker is half a metre off
+    let n = set.markers().len();
+    let mut points: Vec<Option<Vector3<f64>>> = seen.frames().flatten().copied().collect();
+    let mut weights = vec![1.0; points.len()];
+    for i in 0..truth.len() {
+        let at = i * n + (5 * i) % n;
+        points[at] = points[at].map(|point| point + Vector3::new(0.0, 0.3, 0.4));
+        weights[at] = 1e-9;
+    }
+    let wrong = MarkerRecording::try_new(seen.names().to_vec(), seen.times().to_vec(), points).unwrap();
+    let fit = MarkerFit::try_new(&model, set, begun(&diver)).unwrap();
+    assert!(largest_error(&model, &fit.fit(&wrong).unwrap(), &truth) > 0.01);
+    let known = wrong.with_weights(weights).unwrap();
+    assert!(largest_error(&model, &fit.fit(&known).unwrap(), &truth) < 1e-6);
+}

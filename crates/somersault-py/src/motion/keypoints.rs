@@ -105,7 +105,8 @@ impl KeypointRecording {
 
     /// The points as markers, which stand upright.
     ///
-    /// Points of a picture get a third coordinate of 0: they lie in the vertical plane of x and z, seen from the right side.
+    /// Points of a picture get a third coordinate of 0: they lie in the vertical plane of x and z, seen from the right side. Their
+    /// `weights` are the confidences as fractions of the largest.
     ///
     /// Parameters
     /// ----------

@@ -22,11 +22,14 @@ use somersault::motion::recording::{self, uniform_times};
 ///     Positions. NaN is an error unless `present` says that the marker is missing.
 /// present : array_like of bool, shape (n_frames, n_markers), optional
 ///     Which markers there are in which frame; all unless given. What `points` has for the others does not matter.
+/// weights : array_like, shape (n_frames, n_markers), optional
+///     What the squared distance of each point counts in fits and reconstructions, above 0 and at most 1; 1 unless given. The variance of
+///     the noise of a point is that of one of weight 1, divided by its weight.
 ///
 /// Raises
 /// ------
 /// InputError
-///     If a number is not finite, times do not rise or names repeat.
+///     If a number is not finite, times do not rise, names repeat or a weight is not allowed.
 ///
 /// Examples
 /// --------
@@ -50,7 +53,7 @@ impl From<recording::MarkerRecording> for MarkerRecording {
 }
 
 value! {
-    impl MarkerRecording(names, times, points, present) {
+    impl MarkerRecording(names, times, points, present, weights) {
         /// tuple of str: Names of the markers.
         names: PyResult<Bound<'py, PyTuple>> = |own, py| PyTuple::new(py, own.recording.names());
         /// ndarray, shape (n_frames,): Times of the frames, s.
@@ -71,12 +74,13 @@ value! {
 #[pymethods]
 impl MarkerRecording {
     #[new]
-    #[pyo3(signature = (names, times, points, present=None))]
+    #[pyo3(signature = (names, times, points, present=None, weights=None))]
     fn new(
         #[pyo3(from_py_with = entries)] names: Vec<String>,
         times: &Bound<'_, PyAny>,
         points: &Bound<'_, PyAny>,
         present: Option<&Bound<'_, PyAny>>,
+        weights: Option<&Bound<'_, PyAny>>,
     ) -> Result<Self, Error> {
         if names.is_empty() {
             return Err(recording::RecordingError::Empty { argument: "names" }.into());
@@ -90,7 +94,13 @@ impl MarkerRecording {
         };
         let point = |(x, there): (&[f64], &bool)| there.then(|| Vector3::from_column_slice(x));
         let points = values.chunks_exact(3).zip(&present).map(point).collect();
-        Ok(recording::MarkerRecording::try_new(names, times, points)?.into())
+        let weights = weights.map(|weights| with_shape("weights", &[times.len(), names.len()], weights));
+        let weights = weights.transpose()?;
+        let recording = recording::MarkerRecording::try_new(names, times, points)?;
+        Ok(match weights {
+            Some(weights) => recording.with_weights(weights)?.into(),
+            None => recording.into(),
+        })
     }
 
     /// ndarray, shape (n_frames, n_markers, 3): Positions, m; NaN where a marker is missing.
@@ -107,6 +117,14 @@ impl MarkerRecording {
         let values: Vec<bool> = self.recording.frames().flatten().map(Option::is_some).collect();
         let shape = (self.recording.n_frames(), self.recording.n_markers());
         numpy::PyArray1::from_vec(py, values).call_method1("reshape", (shape,))
+    }
+
+    /// ndarray, shape (n_frames, n_markers): What the squared distance of each point counts; None where all count 1.
+    #[getter]
+    fn weights<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyAny>>> {
+        let r = &self.recording;
+        let values = (0..r.n_frames()).flat_map(|i| r.weights(i)).collect();
+        r.is_weighted().then(|| Ok(array(py, values, &[r.n_frames(), r.n_markers()])?.into_any())).transpose()
     }
 
     /// One marker over all frames.
