@@ -92,9 +92,10 @@ pub fn read(
     file.halve_visibility();
     let mut people: Vec<&mut Person> = file.frames.iter_mut().flat_map(|frame| &mut frame.people).collect();
     let labels = points::align(&mut people, text.len())?;
+    let (positions, reason) = positions(&file.frames);
     let chosen = match options.person {
         Some(k) => file.frames.iter().map(|frame| frame.people.get(k)).collect(),
-        None => following::followed(&file.frames),
+        None => following::followed(&file.frames, &positions),
     };
     if n_people > 1 {
         repairs.decide(
@@ -123,7 +124,7 @@ pub fn read(
     if n.saturating_mul(file.frames.len()) > text.len() {
         return Err(unexpected(head, &format!("{n} points"), "as many points in each frame"));
     }
-    let times = times(&file.frames, options.rate, file.rate, repairs)?;
+    let times = times(&file.frames, (&positions, reason), (options.rate, file.rate), repairs)?;
     let (mut points, mut weights) = (Vec::new(), Vec::new());
     for (i, (frame, person)) in file.frames.iter().zip(&chosen).enumerate() {
         let place = Place::Line(i + 1);
@@ -153,11 +154,34 @@ pub fn read(
         .map_err(|error| ReadError::recording(error, head, |frame| Some(Place::Line(frame + 1))))
 }
 
-/// Times of the frames: those of their numbers at the rate of the caller, or else the file's.
+/// Where frames stand in their sequence: at their numbers, or else one after another, with the reason where they have numbers or names.
+fn positions(frames: &[Frame]) -> (Vec<f64>, Option<&'static str>) {
+    let own: Option<Vec<f64>> = frames.iter().map(|frame| frame.number).collect();
+    let names: Option<Vec<&str>> = frames.iter().map(|frame| frame.name.as_deref()).collect();
+    let of_names = || numbers_in(names.as_deref()?);
+    let reason = match own.or_else(of_names) {
+        Some(numbers) => {
+            let rise = numbers.windows(2).all(|pair| pair[1] > pair[0]);
+            let span = numbers.last().zip(numbers.first()).map_or(0.0, |(last, first)| last - first);
+            if rise && span <= 10.0 * frames.len() as f64 {
+                return (numbers, None);
+            }
+            // identifiers of the pictures of a data set are not numbers of frames
+            Some("numbers of pictures are no numbers of frames, which are counted")
+        }
+        None if names.is_some() => Some(
+            "names of pictures differ in more than one number: frames are in the order of names, and are counted",
+        ),
+        None => None,
+    };
+    ((0..frames.len()).map(|i| i as f64).collect(), reason)
+}
+
+/// Times of the frames: those of their positions at the rate of the caller, or else the file's times, or positions at its rate.
 fn times(
     frames: &[Frame],
-    given: Option<f64>,
-    declared: Option<f64>,
+    (positions, reason): (&[f64], Option<&'static str>),
+    (given, declared): (Option<f64>, Option<f64>),
     repairs: &mut Repairs,
 ) -> Result<Vec<f64>, ReadError> {
     let head = Place::Line(1);
@@ -180,21 +204,8 @@ fn times(
     if has_times {
         repairs.decide(head, "times of the file are not used, since `rate` is given");
     }
-    let of_frames: Option<Vec<f64>> = frames.iter().map(|frame| frame.number).collect();
-    let names: Option<Vec<&str>> = frames.iter().map(|frame| frame.name.as_deref()).collect();
-    let has_numbers = of_frames.is_some();
-    let numbers = of_frames.or_else(|| numbers_in(names.as_ref()?)).unwrap_or_default();
-    let rise = !numbers.is_empty() && numbers.windows(2).all(|pair| pair[1] > pair[0]);
-    // identifiers of the pictures of a data set are not numbers of frames
-    let span = if rise { numbers[numbers.len() - 1] - numbers[0] } else { f64::INFINITY };
-    if span > 10.0 * frames.len() as f64 {
-        if has_numbers || !numbers.is_empty() {
-            repairs.decide(head, "numbers of pictures are no numbers of frames, which are counted");
-        } else if names.is_some() {
-            let what = "names of pictures differ in more than one number: frames are in their order, and are counted";
-            repairs.decide(head, what);
-        }
-        return Ok((0..frames.len()).map(|i| i as f64 / rate).collect());
+    if let Some(reason) = reason {
+        repairs.decide(head, reason);
     }
-    Ok(numbers.iter().map(|number| (number - numbers[0]) / rate).collect())
+    Ok(positions.iter().map(|position| (position - positions[0]) / rate).collect())
 }

@@ -8,26 +8,25 @@ use std::collections::HashSet;
 const REACH: f64 = 0.5;
 
 /// The person of each frame: the one with the greatest weights in the first, and from then on the one whom the tracker of the program
-/// gave the same number, or else the nearest. None where the nearest is too far to be the same.
-pub(super) fn followed(frames: &[Frame]) -> Vec<Option<&Person>> {
+/// gave the same number, or else the nearest. None where the nearest is too far to be the same, by the frames between their positions.
+pub(super) fn followed<'f>(frames: &'f [Frame], positions: &[f64]) -> Vec<Option<&'f Person>> {
     let is_crowd = frames.iter().any(|frame| frame.people.len() > 1);
     let has_tracks = are_tracked(frames);
-    let mut before: Option<&Person> = None;
-    let mut n_gone = 1.0;
+    let mut before: Option<(&Person, f64)> = None;
     // numbers of those who were seen beside the one who is followed
     let mut others: HashSet<u64> = HashSet::new();
     let mut chosen = Vec::with_capacity(frames.len());
-    for frame in frames {
+    for (frame, &position) in frames.iter().zip(positions) {
         let found = match before {
             None => frame.people.iter().max_by(|a, b| sure(a).total_cmp(&sure(b))),
-            Some(before) => {
+            Some((before, at)) => {
                 let same = frame.people.iter().find(|person| has_tracks && person.track == before.track);
-                let reach = if is_crowd { REACH * n_gone * extent(before) } else { f64::INFINITY };
-                // a tracker that loses a person goes on with a new number
+                let reach = if is_crowd { REACH * (position - at) * extent(before) } else { f64::INFINITY };
+                // a tracker that loses a person continues with a new number
                 let may_be = |person: &&Person| {
                     !(has_tracks && person.track.is_some_and(|track| others.contains(&track)))
                 };
-                let near = |person: &'_ Person| {
+                let near = |person: &Person| {
                     let (median, common) = distance(before, person);
                     (median <= reach).then_some(median / common)
                 };
@@ -38,9 +37,8 @@ pub(super) fn followed(frames: &[Frame]) -> Vec<Option<&Person>> {
                 same.or(nearest.map(|(_, person)| person))
             }
         };
-        n_gone = if found.is_some() { 1.0 } else { n_gone + 1.0 };
-        before = found.or(before);
         if let Some(found) = found {
+            before = Some((found, position));
             others.extend(frame.people.iter().filter_map(|p| p.track).filter(|t| Some(*t) != found.track));
         }
         chosen.push(found);

@@ -80,7 +80,7 @@ pub(super) fn points(
     let mut is_weight_last = false;
     if all.iter().find(|value| !value.is_null()).is_some_and(|first| first.is_number()) {
         let stride = stride.unwrap_or(3);
-        if all.len() % stride != 0 {
+        if !all.len().is_multiple_of(stride) {
             let allowed = format!("a multiple of {stride} numbers");
             return Err(unexpected(Place::Line(1), &format!("{} numbers", all.len()), allowed));
         }
