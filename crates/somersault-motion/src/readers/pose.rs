@@ -3,18 +3,27 @@
 //! | Program | A file is | Points of a person |
 //! |---|---|---|
 //! | OpenPose | a frame, `people`; or a folder of them ([`frames_in`]), or a list | `pose_keypoints_3d`, `pose_keypoints_2d`: x, y, (z,) confidence |
-//! | COCO, AlphaPose | a list of results with `image_id`, or `annotations` with `categories` | `keypoints`: x, y, confidence or visibility |
+//! | COCO, AlphaPose | a list of results with `image_id`, or `annotations` with `categories`; an object of frames under the names of their pictures | `keypoints`, `joints`: x, y, confidence or visibility |
 //! | MMPose | `instance_info`, or a list of frames with `instances` | `keypoints`, and `keypoint_scores` |
-//! | MediaPipe | a frame or a list of them: landmarks with x, y, z, `visibility` | world landmarks, or those of the picture |
+//! | MediaPipe | a frame or a list of them: landmarks with x, y, z, `visibility`, also under their names or numbers | world landmarks, or those of the picture |
+//! | EasyMocap | a folder of lists of people | `keypoints3d`: x, y, z |
 //!
-//! Names are the file's, where it has them, and otherwise those of the number of points: 17 of COCO, 18 of OpenPose's model of COCO, 25
-//! of BODY_25, 26 of HALPE-26, 33 of MediaPipe. A point at the origin of a confidence of 0 was not found. The weight of a point
-//! is its confidence, or half of COCO's visibility; 1 if the file has neither. Coordinates stay as they are: pixels, fractions of the
-//! picture, or metres; [`KeypointRecording::markers`] makes markers of them.
+//! Names are the file's, of annotations those of their category, and otherwise those of the number of points: 17 of COCO, 18 of
+//! OpenPose's model of COCO, 25 of BODY_25, 26 of HALPE-26, 33 of MediaPipe. Points whose names in the file do not fit are numbered.
+//! Points that have an `id` or a name of their own stand where that says, with weights of 0 for those that are absent. A point at the
+//! origin of a confidence of 0 was not found. The weight of a point is its confidence; half of COCO's visibility, which is 0, 1 or 2 in
+//! all of a file; 1 if the file has neither. Coordinates stay as they are: pixels, fractions of the picture, or metres;
+//! [`KeypointRecording::markers`] makes markers of them.
 //!
-//! Files have no times, but for a `timestamp` or `time` (s) or `timestamp_ms` of each frame, or a rate, `fps`, of all: the caller
-//! says the rate. The caller chooses the person too; otherwise the one with the greatest weights in the first frame is followed, from
-//! frame to frame to the nearest.
+//! Pictures are in the order of their names, in which numbers count as such. Where names differ in one number only, that is the number
+//! of the frame, and a frame that is not there leaves a gap; of other names frames are counted. Each file of a folder is one frame.
+//!
+//! The caller says the rate. Without it, times are a `timestamp` or `time` (s) or `timestamp_ms` of each frame, or follow from a rate,
+//! `fps`, of all; frames that would be more than 5 s apart are refused, since their times are not in seconds.
+//!
+//! The caller chooses the person too; otherwise the one with the greatest weights in the first frame is followed: by `track_id` or
+//! `idx` where these tell people apart, or else to the nearest by the median distance of the points. A frame in which the nearest is
+//! farther away than half the diagonal of the person, for each frame gone by, has nobody. Each such frame is listed as a decision.
 //!
 //! Sources: OpenPose, `doc/02_output.md`; COCO, *Data format* and *Results format*; MMPose, *Inference with existing models*; MediaPipe,
 //! *Pose landmark detection guide*; HALPE-FullBody, `README`.
@@ -54,7 +63,7 @@ pub const FORMAT: Format = Format {
 /// What a file does not say.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct PoseOptions {
-    /// Frames a second.
+    /// Frames a second; where it is given, times of the file are not used.
     pub rate: Option<f64>,
     /// Which person of each frame, from 0; none for the one who is followed.
     pub person: Option<usize>,
@@ -64,7 +73,7 @@ pub struct PoseOptions {
 const LONGEST_STEP: f64 = 5.0;
 
 /// The recording in `text`. Frames are all there is to say where they are: errors have the number of the frame as the line, from 1, of
-/// a list.
+/// a list, and the name of the file of a folder.
 pub fn read(
     text: &str,
     options: &PoseOptions,

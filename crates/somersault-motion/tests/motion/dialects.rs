@@ -64,8 +64,12 @@ pub(crate) fn files() -> Vec<String> {
     );
     let coco =
         format!("[{{\"image_id\":1,\"keypoints\":{0}}},{{\"image_id\":2,\"keypoints\":{0}}}]", flat(17, 3));
+    let named = format!("{{\"1.json\":{openpose},\"2.json\":{openpose}}}");
+    let point = |id: usize| format!("{{\"id\":{id},\"name\":\"p{id}\",\"x\":0.1,\"y\":NaN}}");
+    let numbered = format!("[{{\"frame\":0,\"keypoints\":[{},{}]}}]", point(3), point(7));
+    let tracked = coco.replace("\"keypoints", "\"idx\":1,\"keypoints").replacen(":1,\"k", ":2,\"k", 1);
     let own = [MOT, MOTIVE, NEXUS, QTM].map(String::from);
-    own.into_iter().chain([openpose, mediapipe, mmpose, coco]).collect()
+    own.into_iter().chain([openpose, mediapipe, mmpose, coco, named, numbered, tracked]).collect()
 }
 
 #[test]
