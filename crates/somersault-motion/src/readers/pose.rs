@@ -23,7 +23,7 @@
 //!
 //! The caller chooses the person too; otherwise the one with the greatest weights in the first frame is followed: by `track_id` or
 //! `idx` where these tell people apart, or else to the nearest by the median distance of the points. A frame in which the nearest is
-//! farther away than half the diagonal of the person, for each frame gone by, has nobody. Each such frame is listed as a decision.
+//! farther away than half the diagonal of the greater of the two, for each frame gone by, has nobody. Each such frame is listed as a decision.
 //!
 //! Sources: OpenPose, `doc/02_output.md`; COCO, *Data format* and *Results format*; MMPose, *Inference with existing models*; MediaPipe,
 //! *Pose landmark detection guide*; HALPE-FullBody, `README`.

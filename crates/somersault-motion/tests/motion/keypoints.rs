@@ -99,6 +99,11 @@ fn a_person_who_is_absent_is_not_replaced_by_another() {
     assert_eq!(first_weights(&found)[..2], [0.89, 0.0]);
     let absent = repairs.iter().find(|repair| repair.what.contains("is not among those in a frame"));
     assert_eq!(absent.map(|repair| repair.count), Some(1), "{repairs:?}");
+    // one of whom a single point was found is found again
+    let mut frames = [&[100.0, 900.0][..], &[100.0, 900.0], &[104.0, 904.0]].map(openpose);
+    let hidden = format!("[100,1,0.89{}]", ",0,0,0".repeat(24));
+    frames[1] = frames[1].replacen(&flat(100.0, 25, 0.89), &hidden, 1);
+    assert_eq!(first_x(&keypoints(&list(&frames), 10.0).0), [100.0, 100.0, 104.0]);
     // one person alone may be anywhere
     let (found, _) = keypoints(&list(&[&[100.0][..], &[902.0]].map(openpose)), 10.0);
     assert_eq!(first_x(&found), [100.0, 902.0]);
@@ -155,6 +160,19 @@ fn pictures_that_have_a_name_are_frames() {
         // two people of one picture
         let two = list(&[frame(1), frame(1).replace("[1,", "[8,")]);
         assert_eq!(keypoints(&two, 10.0).0.n_frames(), 1);
+    }
+    // a film with a number or a time for each frame
+    for (key, step) in [("frame", 1.0), ("frame_id", 1.0), ("time", 0.1)] {
+        let frame = |i: usize| {
+            let people = format!("[{{\"keypoints\":{}}}]", flat(i as f64, 17, 0.9));
+            format!("{{\"file_name\":\"dive.mp4\",\"{key}\":{},\"people\":{people}}}", i as f64 * step)
+        };
+        assert_eq!(first_x(&keypoints(&list(&[0, 1, 2].map(frame)), 10.0).0), [0.0, 1.0, 2.0], "{key}");
+    }
+    // a detection has the place of its box beside its key points
+    let boxed = format!("[{{\"x\":5,\"y\":6,\"width\":2,\"keypoints\":{}}}]", objects(7.0, &[""; 17]));
+    for text in [boxed.clone(), format!("{{\"predictions\":{boxed}}}")] {
+        assert_eq!(first_x(&keypoints(&text, 10.0).0), [7.0]);
     }
     // persons of a flat list that have the number of their frame
     let person = |i: usize, x: f64| format!("{{\"frame\":{i},\"keypoints\":{}}}", flat(x, 17, 0.9 - x / 1e5));

@@ -151,12 +151,19 @@ impl File {
         }
         let numbers: HashSet<u64> =
             frames.iter().filter_map(|(frame, _)| Some(frame.number?.to_bits())).collect();
-        let mut known: HashMap<(Option<String>, Option<u64>), usize> = HashMap::new();
+        let mut known: HashMap<(Option<String>, [Option<u64>; 2]), usize> = HashMap::new();
         for (frame, is_person) in frames {
-            let number = frame.number.filter(|_| is_person && numbers.len() > 1).map(f64::to_bits);
-            let key = (frame.name.clone(), number);
+            // the name may be that of a film, with a number or a time for each frame
+            let has_name = frame.name.is_some();
+            let number = frame.number.filter(|_| has_name || is_person && numbers.len() > 1);
+            let time = frame.time.filter(|_| has_name);
             let next = self.frames.len();
-            let k = if key == (None, None) { next } else { *known.entry(key).or_insert(next) };
+            let k = match has_name || number.is_some() {
+                true => *known
+                    .entry((frame.name.clone(), [number, time].map(|x| x.map(f64::to_bits))))
+                    .or_insert(next),
+                false => next,
+            };
             match self.frames.get_mut(k) {
                 Some(known) => known.people.extend(frame.people),
                 None => self.frames.push(frame),
@@ -222,6 +229,9 @@ impl File {
     fn frame(&mut self, object: &Map<String, Value>) -> Result<Option<Frame>, ReadError> {
         let real = |value: &Value| value.as_f64().or_else(|| value.as_str()?.parse().ok());
         let name = entry(object, &PICTURE).filter(|value| value.is_string() || value.is_number());
+        // a frame may have a name in the place of a number
+        let named = || entry(object, &NUMBER).filter(|value| value.is_string() && real(value).is_none());
+        let name = name.or_else(named);
         // what is of a picture has a number of its own
         let numbers = if name.is_some() { &NUMBER[..5] } else { &NUMBER };
         let number = entry(object, numbers).and_then(real);

@@ -4,7 +4,7 @@ use super::content::Frame;
 use super::points::{Person, Point};
 use std::collections::HashSet;
 
-/// How far a person may move from one frame to the next, in diagonals of the box around the points.
+/// How far a person may move from one frame to the next, in diagonals of the greater box around the points.
 const REACH: f64 = 0.5;
 
 /// The person of each frame: the one with the greatest weights in the first, and from then on the one whom the tracker of the program
@@ -21,14 +21,17 @@ pub(super) fn followed<'f>(frames: &'f [Frame], positions: &[f64]) -> Vec<Option
             None => frame.people.iter().max_by(|a, b| sure(a).total_cmp(&sure(b))),
             Some((before, at)) => {
                 let same = frame.people.iter().find(|person| has_tracks && person.track == before.track);
-                let reach = if is_crowd { REACH * (position - at) * extent(before) } else { f64::INFINITY };
+                let reach = |person: &Person| match extent(before).max(extent(person)) {
+                    extent if is_crowd && extent > 0.0 => REACH * (position - at) * extent,
+                    _ => f64::INFINITY,
+                };
                 // a tracker that loses a person continues with a new number
                 let may_be = |person: &&Person| {
                     !(has_tracks && person.track.is_some_and(|track| others.contains(&track)))
                 };
                 let near = |person: &Person| {
                     let (median, common) = distance(before, person);
-                    (median <= reach).then_some(median / common)
+                    (median <= reach(person)).then_some(median / common)
                 };
                 let candidates = frame.people.iter().filter(may_be);
                 let nearest = candidates

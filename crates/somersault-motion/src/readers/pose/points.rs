@@ -43,10 +43,13 @@ fn part<'v>(point: &'v Map<String, Value>, keys: &[&str]) -> Option<&'v Value> {
     keys.iter().find_map(|key| of(key))
 }
 
-/// Whether a value is a point: an object with x and y, or a list of two to four numbers.
+/// Whether a value is a point: an object with x and y and no lists, or a list of two to four numbers.
 pub(super) fn is_point(value: &Value) -> bool {
     match value {
-        Value::Object(point) => ["x", "y"].iter().all(|key| part(point, &[*key]).is_some()),
+        Value::Object(point) => {
+            let is_plain = |value: &Value| !value.is_array() && !value.is_object();
+            ["x", "y"].iter().all(|key| part(point, &[*key]).is_some()) && point.values().all(is_plain)
+        }
         Value::Array(point) => (2..=4).contains(&point.len()) && point.iter().all(Value::is_number),
         Value::Null | Value::Bool(_) | Value::Number(_) | Value::String(_) => false,
     }
