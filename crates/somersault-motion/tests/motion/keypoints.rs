@@ -1,7 +1,7 @@
 //! Key points are those of one person in the right order of frames, with the right names and weights, or are refused.
 
 use crate::dialects::{keypoints, read_with};
-use somersault_motion::readers::{ReadOptions, Recording, read_file};
+use somersault_motion::readers::{ReadOptions, Recording, read_file, read_named};
 use somersault_motion::recording::KeypointRecording;
 
 /// Numbers of so many points, of which the first is at x, in a flat list with a confidence.
@@ -104,6 +104,10 @@ fn a_person_who_is_absent_is_not_replaced_by_another() {
     let hidden = format!("[100,1,0.89{}]", ",0,0,0".repeat(24));
     frames[1] = frames[1].replacen(&flat(100.0, 25, 0.89), &hidden, 1);
     assert_eq!(first_x(&keypoints(&list(&frames), 10.0).0), [100.0, 100.0, 104.0]);
+    // of the first frame no point was found
+    frames[0] = format!("{{\"people\":[{{\"pose_keypoints_2d\":[0,0,0{}]}}]}}", ",0,0,0".repeat(24));
+    frames[1] = openpose(&[100.0, 900.0]);
+    assert_eq!(first_x(&keypoints(&list(&frames), 10.0).0), [0.0, 100.0, 104.0]);
     // one person alone may be anywhere
     let (found, _) = keypoints(&list(&[&[100.0][..], &[902.0]].map(openpose)), 10.0);
     assert_eq!(first_x(&found), [100.0, 902.0]);
@@ -381,6 +385,9 @@ fn what_is_sought_and_what_is_there_is_said() {
     let error = refused("[{\"frame\":0,\"bones\":[]},{\"frame\":1,\"bones\":[1]}]");
     assert!(error.contains("frames without a person: a list, in it an object with bones, frame"), "{error}");
     assert!(error.contains("allowed is key points") && error.contains("people, instances"), "{error}");
+    // a file that is of no format has the error of key points, and not that of motions of DeepMimic
+    let error = read_named("a.json", b"// made by hand\n{}", &options()).unwrap_err().to_string();
+    assert!(error.contains("expected value; allowed are key points"), "{error}");
     let error = refused("[\n  {\n \"a\": 1}\n]");
     assert!(error.contains("found `a list, in it an object with a`"), "{error}");
 }

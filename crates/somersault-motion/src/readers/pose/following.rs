@@ -40,7 +40,8 @@ pub(super) fn followed<'f>(frames: &'f [Frame], positions: &[f64]) -> Vec<Option
                 same.or(nearest.map(|(_, person)| person))
             }
         };
-        if let Some(found) = found {
+        // one without a point says nothing of where the person is
+        if let Some(found) = found.filter(|person| sure(person) > 0.0) {
             before = Some((found, position));
             others.extend(frame.people.iter().filter_map(|p| p.track).filter(|t| Some(*t) != found.track));
         }
