@@ -366,6 +366,18 @@ class TestReaders:
         np.testing.assert_array_equal(skeleton.joint_centres().points, expected.points)
         assert len(motion.read_file(io.StringIO(BVH), format="bvh", unit="cm")) == 2
 
+    def test_each_file_of_a_folder_is_one_frame(self, tmp_path: Path) -> None:
+        for k in (0, 1, 3):
+            points = [{"part": name, "x": k, "y": 1, "confidence": 0.5} for name in ("nose", "neck")]
+            (tmp_path / f"f_{k}.json").write_text(json.dumps({"image_name": f"{k}.jpg", "keypoints": points}))
+        seen = motion.read_file(tmp_path, rate=10.0)
+        assert isinstance(seen, motion.KeypointRecording) and list(seen.names) == ["nose", "neck"]
+        assert seen.points[:, 0, 0].tolist() == [0.0, 1.0, 3.0]
+        np.testing.assert_allclose(seen.times, [0.0, 0.1, 0.3], rtol=1e-15)
+        (tmp_path / "settings.json").write_text('{"a": 1}')
+        with pytest.raises(errors.ReadError, match=r"in `settings\.json`"):
+            motion.read_file(tmp_path, rate=10.0)
+
     def test_what_a_file_leaves_open_must_be_given(self) -> None:
         for source, more, message in [
             (FILES / "bvhio.bvh", {}, "`unit` must be given, since BVH has none"),

@@ -4,7 +4,12 @@
 //! the channels: for `Zrotation Xrotation Yrotation` R = R_z R_x R_y. Position channels of a joint stand for
 //! the components of its offset. An `End Site` is a joint that does not turn, named after its parent with `_end`,
 //! further ones of the same parent with `_end2`, `_end3`, …. Joints keep their names, which must differ. Angles are in degrees; the format has no unit of length and no axes.
-//! [`read_repaired`] numbers joints of the same name, and takes the frames that are there where another number is declared or the last is cut.
+//!
+//! A frame is a line. Frames that are wrapped over several lines, or share one, are read where their numbers are exactly those that
+//! are declared; any other line with a wrong count of numbers is refused, but for a last one that is cut.
+//!
+//! [`read_repaired`] numbers joints of the same name, takes the frames that are there where another number is declared or the last is
+//! cut, does without the line MOTION, and closes joints whose braces are missing before it.
 //!
 //! ```text
 //! HIERARCHY
@@ -56,7 +61,11 @@ struct BvhJoint {
     name: String,
     parent: Option<usize>,
     offset: Vector3<f64>,
+    /// Whether its offset was read.
+    has_offset: bool,
     channels: Vec<Channel>,
+    /// Whether it is an end site.
+    is_end: bool,
     /// End sites read so far.
     n_ends: usize,
     /// Where its name stands, or that of an end site its keyword.
@@ -64,6 +73,7 @@ struct BvhJoint {
 }
 
 /// Words with their lines.
+#[derive(Clone)]
 struct Words<'a> {
     lines: std::iter::Enumerate<std::str::Lines<'a>>,
     rest: &'a str,
@@ -104,6 +114,27 @@ impl<'a> Words<'a> {
     fn need(&mut self, allowed: &str) -> Result<&'a str, ReadError> {
         let word = self.next();
         word.ok_or_else(|| ReadError::Truncated { place: self.place(), allowed: allowed.to_owned() })
+    }
+
+    /// Whether this is next, alone or with what follows it right behind its colon.
+    fn is_next(&mut self, label: &str) -> bool {
+        self.fill() && self.rest.get(..label.len()).is_some_and(|found| found.eq_ignore_ascii_case(label))
+    }
+
+    /// A keyword that ends with a colon, behind which a blank may be missing.
+    fn require_label(&mut self, label: &str) -> Result<(), ReadError> {
+        if !self.is_next(label) {
+            return self.require(label);
+        }
+        self.rest = &self.rest[label.len()..];
+        Ok(())
+    }
+
+    /// How many words each line has that is left and is not empty.
+    fn counts(&self) -> Vec<(usize, usize)> {
+        let lines = self.lines.clone().map(|(i, line)| (i + 1, line));
+        let counts = std::iter::once((self.line, self.rest)).chain(lines);
+        counts.map(|(i, line)| (i, line.split_whitespace().count())).filter(|(_, count)| *count > 0).collect()
     }
 
     fn require(&mut self, keyword: &str) -> Result<(), ReadError> {
@@ -168,8 +199,9 @@ pub fn read_repaired(
     convention: &Convention,
     repairs: &mut Repairs,
 ) -> Result<SkeletonRecording, ReadError> {
-    let mut words = Words::new(text);
-    let mut joints = hierarchy(&mut words)?;
+    // programs of DOS end a file with the control character 26, others with zeros
+    let mut words = Words::new(text.trim_end_matches(|c: char| c.is_whitespace() || "\0\u{1a}".contains(c)));
+    let mut joints = hierarchy(&mut words, repairs)?;
     let mut seen = HashSet::new();
     if let Some(twice) =
         joints.iter().find(|joint| !seen.insert(joint.name.as_str())).map(|joint| joint.place)
@@ -178,46 +210,34 @@ pub fn read_repaired(
         let names = distinct(names, "joint", twice, repairs)?;
         joints.iter_mut().zip(names).for_each(|(joint, name)| joint.name = name);
     }
-    words.require("Frames:")?;
+    words.require_label("Frames:")?;
     let declared_at = words.place();
     let n_frames = words.count("a number of frames")?;
     words.require("Frame")?;
-    words.require("Time:")?;
+    words.require_label("Time:")?;
     let step_at = words.place();
     let step = words.number("the time of a frame")?;
     if n_frames == 0 {
         return Err(ReadError::NoFrames { place: declared_at });
-    }
-    if step <= 0.0 {
-        return Err(unexpected(step_at, &step.to_string(), "a positive time of a frame"));
     }
 
     let n_channels: usize = joints.iter().map(|j| j.channels.len()).sum();
     if n_channels == 0 {
         return Err(unexpected(declared_at, "no channel", "at least one channel in the hierarchy"));
     }
+    let found = whole_frames(&words.counts(), n_channels, n_frames, repairs)?;
+    // a single frame has no distance from the next
+    if step < 0.0 || step == 0.0 && found > 1 {
+        return Err(unexpected(step_at, &step.to_string(), "a positive time of a frame"));
+    }
     let (mut times, mut rotations, mut places) = (Vec::new(), Vec::new(), Vec::new());
     let mut frames_at = Vec::new();
-    while words.fill() {
-        if times.len() == n_frames && repairs.are_refused() {
-            let allowed = format!("the end of the file after {n_frames} frames");
-            return Err(unexpected(words.place(), words.next().unwrap_or_default(), allowed));
-        }
-        let before = (rotations.len(), places.len());
-        let place = words.place();
-        match frame(&joints, convention, &mut words, &mut rotations, &mut places) {
-            Err(error @ ReadError::Truncated { .. }) if !times.is_empty() => {
-                repairs.instead_of(error, "the last frame is incomplete and left out")?;
-                rotations.truncate(before.0);
-                places.truncate(before.1);
-                break;
-            }
-            found => found?,
-        }
-        frames_at.push(place);
-        times.push(times.len() as f64 * step);
+    for i in 0..found {
+        words.fill();
+        frames_at.push(words.place());
+        frame(&joints, convention, &mut words, &mut rotations, &mut places)?;
+        times.push(i as f64 * step);
     }
-    let found = times.len();
     if found != n_frames {
         let (place, quantity) = (declared_at, "frames");
         let error =
@@ -292,63 +312,116 @@ fn pose(joint: &BvhJoint, words: &mut Words) -> Result<(Vector3<f64>, UnitQuater
     Ok((place, UnitQuaternion::new_normalize(rotation.into_inner())))
 }
 
+/// How many frames lines of so many words have. A frame is a line, unless the numbers of all lines are together those of the frames
+/// that are declared.
+fn whole_frames(
+    lines: &[(usize, usize)],
+    n_channels: usize,
+    declared: usize,
+    repairs: &mut Repairs,
+) -> Result<usize, ReadError> {
+    let total = lines.iter().map(|(_, count)| count).sum();
+    if lines.len() != declared && declared.checked_mul(n_channels) == Some(total) {
+        return Ok(declared);
+    }
+    let Some((&(last, count), before)) = lines.split_last() else { return Ok(0) };
+    let is_cut = count < n_channels;
+    if let Some((line, found)) =
+        lines[..lines.len() - usize::from(is_cut)].iter().find(|(_, count)| *count != n_channels)
+    {
+        let allowed = format!("{n_channels} numbers, one for each channel of the hierarchy");
+        return Err(unexpected(Place::Line(*line), &format!("{found} numbers"), allowed));
+    }
+    if is_cut {
+        let allowed = "the value of a channel".to_owned();
+        let error = ReadError::Truncated { place: Place::Line(last), allowed };
+        if before.is_empty() {
+            return Err(error);
+        }
+        repairs.instead_of(error, "the last frame is incomplete and left out")?;
+    }
+    Ok(lines.len() - usize::from(is_cut))
+}
+
 /// From HIERARCHY to MOTION.
-fn hierarchy(words: &mut Words) -> Result<Vec<BvhJoint>, ReadError> {
+fn hierarchy(words: &mut Words, repairs: &mut Repairs) -> Result<Vec<BvhJoint>, ReadError> {
     words.require("HIERARCHY")?;
     words.require("ROOT")?;
     let mut joints: Vec<BvhJoint> = Vec::new();
     // from the root to the joint whose braces are open
     let mut open: Vec<usize> = Vec::new();
     joint(words, &mut joints, &mut open, false)?;
-    while let Some(&parent) = open.last() {
-        const ALLOWED: &str = "CHANNELS, JOINT, End Site or }";
-        let word = words.need(ALLOWED)?;
+    while let Some(&current) = open.last() {
+        let here = &mut joints[current];
+        let allowed = match (here.has_offset, here.is_end) {
+            (false, _) => "OFFSET",
+            (true, true) => "}",
+            (true, false) => "CHANNELS, JOINT, End Site or }",
+        };
+        let word = words.need(allowed)?;
         match word.to_ascii_uppercase().as_str() {
-            "}" => drop(open.pop()),
-            "JOINT" => joint(words, &mut joints, &mut open, false)?,
-            "END" => {
-                words.require("Site")?;
-                joint(words, &mut joints, &mut open, true)?;
-                words.require("}")?;
-                open.pop();
-                joints[parent].n_ends += 1;
+            "OFFSET" if !here.has_offset => {
+                here.offset = words.vector("a coordinate of an offset")?;
+                here.has_offset = true;
             }
-            "CHANNELS" if joints[parent].channels.is_empty() => {
+            "CHANNELS" if here.channels.is_empty() => {
                 let n = words.count("a number of channels")?;
+                if n > 0 && here.is_end {
+                    return Err(unexpected(words.place(), &n.to_string(), "no channel of an end site"));
+                }
                 for _ in 0..n {
                     let name = words.need("the name of a channel")?;
                     let channel = Channel::named(name)
                         .ok_or_else(|| unexpected(words.place(), name, Channel::NAMES))?;
-                    joints[parent].channels.push(channel);
+                    here.channels.push(channel);
                 }
             }
-            _ => return Err(unexpected(words.place(), word, ALLOWED)),
+            "}" if here.has_offset => drop(open.pop()),
+            "JOINT" if here.has_offset && !here.is_end => joint(words, &mut joints, &mut open, false)?,
+            "END" if here.has_offset && !here.is_end => {
+                here.n_ends += 1;
+                joint(words, &mut joints, &mut open, true)?;
+            }
+            "MOTION" if here.has_offset => {
+                let error = unexpected(words.place(), word, allowed);
+                repairs.instead_of(error, "joints without a closing brace are closed before MOTION")?;
+                return Ok(joints);
+            }
+            _ => return Err(unexpected(words.place(), word, allowed)),
         }
+    }
+    if words.is_next("Frames:") {
+        let error = unexpected(words.place(), "Frames:", "MOTION");
+        repairs.instead_of(error, "there is no line MOTION before the frames")?;
+        return Ok(joints);
     }
     words.require("MOTION")?;
     Ok(joints)
 }
 
-/// A joint from its name to its offset; what follows belongs to it until its brace closes.
+/// A joint or an end site up to its brace; what follows belongs to it until the brace closes.
 fn joint(
     words: &mut Words,
     joints: &mut Vec<BvhJoint>,
     open: &mut Vec<usize>,
-    end: bool,
+    is_end: bool,
 ) -> Result<(), ReadError> {
     let parent = open.last().copied();
-    let name = match parent {
-        Some(parent) if end => match joints[parent].n_ends {
-            0 => format!("{}_end", joints[parent].name),
-            before => format!("{}_end{}", joints[parent].name, before + 1),
-        },
-        _ => words.name()?.to_owned(),
-    };
+    // programs add a name or a number to `End Site`
+    let mut name = words.name()?.to_owned();
+    if let Some(parent) = parent.filter(|_| is_end) {
+        if !name.get(..4).is_some_and(|word| word.eq_ignore_ascii_case("Site")) {
+            return Err(unexpected(words.place(), &name, "Site"));
+        }
+        name = match joints[parent].n_ends {
+            1 => format!("{}_end", joints[parent].name),
+            n => format!("{}_end{n}", joints[parent].name),
+        };
+    }
     let place = words.place();
     words.require("{")?;
-    words.require("OFFSET")?;
-    let offset = words.vector("a coordinate of an offset")?;
     open.push(joints.len());
-    joints.push(BvhJoint { name, parent, offset, channels: Vec::new(), n_ends: 0, place });
+    let (offset, channels) = (Vector3::zeros(), Vec::new());
+    joints.push(BvhJoint { name, parent, offset, has_offset: false, channels, is_end, n_ends: 0, place });
     Ok(())
 }

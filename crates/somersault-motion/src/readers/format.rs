@@ -56,7 +56,7 @@ pub struct ReadOptions {
     /// Whether a marker with all three coordinates NaN is missing, which a strict reader refuses otherwise and others list
     /// as a repair.
     pub nan_is_gap: bool,
-    /// Frames a second of files that have no times.
+    /// Frames a second of files that have no times, and of key points in any case.
     pub rate: Option<f64>,
     /// Which person of those in each frame, from 0; none for the one who is seen best in the first frame and is followed.
     pub person: Option<usize>,

@@ -144,7 +144,7 @@ pub enum ReadError {
         format: &'static str,
     },
     /// Neither the file nor the caller says when the frames were.
-    #[error("`rate`, frames a second, must be given, since {format} has no times")]
+    #[error("`rate`, frames a second, must be given, since files of {format} have no times")]
     NoRate {
         /// Name of the format.
         format: &'static str,
@@ -283,10 +283,14 @@ pub fn format_of_content(bytes: &[u8]) -> Option<&'static Format> {
 }
 
 /// The format of the file of this name, and a repair where its name says another. What the file has decides; the name does
-/// where that is of no format, so that the reader says what is wrong with it.
+/// where that is of no format, so that the reader says what is wrong with it: of formats that share an ending the last of the table,
+/// whose files differ most.
 fn format_of_file(name: &Path, bytes: &[u8]) -> Option<(&'static Format, Option<Repair>)> {
     let ending = name.extension().and_then(|ending| ending.to_str()).unwrap_or_default();
-    let Some(found) = format_of_content(bytes) else { return format_of(ending).map(|named| (named, None)) };
+    let Some(found) = format_of_content(bytes) else {
+        let named = |format: &&Format| format.endings.contains(&ending.to_ascii_lowercase().as_str());
+        return FORMATS.into_iter().rev().find(named).map(|named| (named, None));
+    };
     let other = format_of(ending).filter(|_| !found.endings.contains(&ending.to_ascii_lowercase().as_str()));
     let what =
         other.map(|named| format!("the name is that of {}, but the file is {}", named.name, found.name));
@@ -402,11 +406,14 @@ impl Default for MarkerOptions {
     }
 }
 
-/// What was found, for a message: its end is marked by … where it is cut.
+/// What was found, for a message: its end is marked by … where it is cut, and control characters are written as in Rust.
 fn shorten(found: &str, longest: usize) -> String {
+    let plain = |part: &str| -> String {
+        part.chars().map(|c| if c.is_control() { c.escape_default().to_string() } else { c.into() }).collect()
+    };
     match found.char_indices().nth(longest) {
-        Some((end, _)) => format!("{}…", &found[..end]),
-        None => found.to_owned(),
+        Some((end, _)) => format!("{}…", plain(&found[..end])),
+        None => plain(found),
     }
 }
 

@@ -9,7 +9,7 @@ use somersault_motion::readers::{
 use somersault_motion::recording::{Axis, ChannelRecording, KeypointRecording, LengthUnit, MarkerRecording};
 use somersault_motion::writers;
 
-fn read_with(text: &[u8], options: &ReadOptions) -> Result<RecordingFile, LoadError> {
+pub(crate) fn read_with(text: &[u8], options: &ReadOptions) -> Result<RecordingFile, LoadError> {
     read_named("file", text, options)
 }
 
@@ -31,7 +31,7 @@ fn channels(file: RecordingFile) -> (ChannelRecording, Vec<Repair>) {
     }
 }
 
-fn keypoints(text: &str, rate: f64) -> (KeypointRecording, Vec<Repair>) {
+pub(crate) fn keypoints(text: &str, rate: f64) -> (KeypointRecording, Vec<Repair>) {
     let options = ReadOptions { rate: Some(rate), ..ReadOptions::default() };
     let file = read_with(text.as_bytes(), &options).unwrap();
     match file.recording {
@@ -64,8 +64,12 @@ pub(crate) fn files() -> Vec<String> {
     );
     let coco =
         format!("[{{\"image_id\":1,\"keypoints\":{0}}},{{\"image_id\":2,\"keypoints\":{0}}}]", flat(17, 3));
+    let named = format!("{{\"1.json\":{openpose},\"2.json\":{openpose}}}");
+    let point = |id: usize| format!("{{\"id\":{id},\"name\":\"p{id}\",\"x\":0.1,\"y\":NaN}}");
+    let numbered = format!("[{{\"frame\":0,\"keypoints\":[{},{}]}}]", point(3), point(7));
+    let tracked = coco.replace("\"keypoints", "\"idx\":1,\"keypoints").replacen(":1,\"k", ":2,\"k", 1);
     let own = [MOT, MOTIVE, NEXUS, QTM].map(String::from);
-    own.into_iter().chain([openpose, mediapipe, mmpose, coco]).collect()
+    own.into_iter().chain([openpose, mediapipe, mmpose, coco, named, numbered, tracked]).collect()
 }
 
 #[test]
@@ -460,7 +464,7 @@ fn exports_of_motive_nexus_and_qtm_are_read() {
     }
 }
 
-fn flat(n: usize, stride: usize) -> String {
+pub(crate) fn flat(n: usize, stride: usize) -> String {
     let numbers = (0..n).flat_map(|k| {
         let point =
             if k == 1 { vec!["0".to_owned(); stride] } else { vec![format!("{}.5", 10 * k); stride - 1] };
@@ -577,7 +581,7 @@ fn what_is_no_key_points_is_refused() {
     let lost = format!("[{{\"image_id\":1,\"keypoints\":{}}},{{\"keypoints\":[]}}]", flat(17, 3));
     assert!(
         refused(&lost, &own)
-            .contains("line 2: found `{\"keypoints\":[]}`, allowed is a result with its `image_id`")
+            .contains("line 2: found `an object with keypoints`, allowed is a result with its `image_id`")
     );
     assert!(refused("{\"people\":[", &own).contains("the file ends where there must be"));
     let two = format!("[{0},{0}]", format!("{{\"people\":[{{\"pose_keypoints_2d\":{}}}]}}", flat(17, 3)));
@@ -656,8 +660,97 @@ fn a_bvh_that_is_not_quite_one_is_repaired() {
     assert_eq!(frames(&BVH.replace("Frames: 2", "Frames: 1"), "1 frames are declared, 2").n_frames(), 2);
     let cut = BVH.trim_end().strip_suffix("-4 1").unwrap();
     assert_eq!(frames(cut, "the last frame is incomplete").n_frames(), 1);
+    let open = BVH.replace("}\nMOTION", "\nMOTION");
+    assert!(open != BVH);
+    assert_eq!(frames(&open, "joints without a closing brace").n_frames(), 2);
+    assert_eq!(frames(&BVH.replace("MOTION\n", ""), "there is no line MOTION").n_frames(), 2);
     let twice = frames(&BVH.replace("JOINT LeftLeg", "JOINT Hips"), "joints of the same name");
     assert_eq!(twice.skeleton().joints()[2].name, "Hips 3");
+}
+
+/// A hierarchy with nine channels, and frames.
+fn nine_channels(frames: &str) -> String {
+    let root =
+        "ROOT hips\n{\nOFFSET 0 0 0\nCHANNELS 6 Xposition Yposition Zposition Zrotation Xrotation Yrotation";
+    let knee = "JOINT knee\n{\nOFFSET 0 -40 0\nCHANNELS 3 Zrotation Xrotation Yrotation";
+    let end = "End Site\n{\nOFFSET 0 -42 0\n}\n}\n}";
+    format!("HIERARCHY\n{root}\n{knee}\n{end}\nMOTION\nFrames: 3\nFrame Time: 0.01\n{frames}")
+}
+
+#[test]
+fn frames_of_a_bvh_begin_and_end_with_lines() {
+    let row = |i: usize, n: usize| (0..n).map(|k| format!("{}", 10 * i + k)).collect::<Vec<_>>().join(" ");
+    let rows = |counts: &[usize]| -> String {
+        nine_channels(&counts.iter().enumerate().map(|(i, n)| row(i, *n) + "\n").collect::<String>())
+    };
+    let options = ReadOptions { unit: Some(LengthUnit::Metre), ..ReadOptions::default() };
+    let read = |text: &str, strict: bool| read_with(text.as_bytes(), &ReadOptions { strict, ..options });
+    let first_x = |text: &str| -> Vec<f64> {
+        let Recording::Skeleton(found) = read(text, false).unwrap().recording else { panic!() };
+        // z of the file is forward
+        (0..found.n_frames()).map(|i| found.frame(i).unwrap().next().unwrap().0.y).collect()
+    };
+    assert_eq!(first_x(&rows(&[9, 9, 9])), [0.0, 10.0, 20.0]);
+    // as many numbers as are declared, but not in each line; and lines of another hierarchy
+    for (counts, line, found) in [
+        (&[10, 8, 9][..], 19, "10 numbers"),
+        (&[9, 8, 9], 20, "8 numbers"),
+        (&[9, 9, 10], 21, "10 numbers"),
+        (&[9, 4, 18], 20, "4 numbers"),
+        (&[6, 6, 6], 19, "6 numbers"),
+        (&[3, 3, 3, 3, 3, 3], 19, "3 numbers"),
+    ] {
+        for strict in [false, true] {
+            let error = read(&rows(counts), strict).unwrap_err().to_string();
+            let said = format!("line {line}: found `{found}`, allowed is 9 numbers, ");
+            assert!(error.contains(&said), "{counts:?}: {error}");
+        }
+    }
+    assert_eq!(first_x(&rows(&[9, 9, 8])), [0.0, 10.0]);
+    assert!(read(&rows(&[9, 9, 8]), true).is_err());
+    // frames that are wrapped, or in one line
+    let all: String = (0..3).map(|i| row(i, 9) + " ").collect();
+    for n in [0, 1, 5, 27] {
+        assert_eq!(first_x(&nine_channels(&all.replacen(' ', "\n", n))), [0.0, 10.0, 20.0], "{n} line ends");
+    }
+}
+
+#[test]
+fn a_bvh_of_other_programs_is_read_without_a_repair() {
+    let options = ReadOptions { strict: true, unit: Some(LengthUnit::Metre), ..ReadOptions::default() };
+    let row = "1 2 3 4 5 6 7 8 9\n";
+    let whole = nine_channels(&row.repeat(3));
+    let read = |text: &str| read_with(text.as_bytes(), &options).map(|file| file.recording);
+    let expected = read(&whole).unwrap();
+    let (offset, channels) = ("OFFSET 0 -40 0\n", "CHANNELS 3 Zrotation Xrotation Yrotation\n");
+    for (from, to) in [
+        ("End Site", "End Site Head_end"),
+        ("End Site", "End Site-7"),
+        ("End Site\n{", "End Site toe {"),
+        ("Frames: 3", "Frames:3"),
+        ("Frame Time: 0.01", "Frame Time:0.01"),
+        (&format!("{offset}{channels}"), &format!("{channels}{offset}")),
+        ("OFFSET 0 -42 0", "OFFSET 0 -42 0\nCHANNELS 0"),
+        ("9\n1", "9\n\n1"),
+    ] {
+        assert!(whole.contains(from));
+        assert_eq!(read(&whole.replacen(from, to, 1)).unwrap(), expected, "{to}");
+    }
+    for end in ["\0\0", "\u{1a}", "\r\n\u{1a}\0"] {
+        assert_eq!(read(&format!("{whole}{end}")).unwrap(), expected, "{end:?}");
+    }
+    let one = nine_channels(row).replace("Frames: 3", "Frames: 1").replace("0.01", "0");
+    assert!(read(&one).is_ok());
+    for (from, to, said) in [
+        ("0.01", "-0.01", "a positive time of a frame"),
+        ("End Site", "End Effector", "found `Effector`, allowed is Site"),
+        ("OFFSET 0 -42 0\n", "", "allowed is OFFSET"),
+        ("OFFSET 0 -42 0", "OFFSET 0 -42 0 CHANNELS 1 Xrotation", "no channel of an end site"),
+        ("9\n", "9\u{1}\n", "found `9\\u{1}`, allowed is the value of a channel"),
+    ] {
+        let error = read(&whole.replacen(from, to, 1)).unwrap_err().to_string();
+        assert!(error.contains(said), "{error}");
+    }
 }
 
 #[test]

@@ -11,6 +11,7 @@ mod hostile;
 mod identification;
 mod inertia;
 mod judged;
+mod keypoints;
 mod phases;
 mod readers;
 mod reconstruction;

@@ -212,7 +212,7 @@ pub(super) fn warn(py: Python<'_>, message: &str) -> Result<(), Error> {
 /// nan_is_gap : bool, optional
 ///     Whether a marker with three times NaN is missing. If it is not, that is a repair, and with `strict` an error.
 /// rate : float, optional
-///     Frames a second of files that have no times, such as key points.
+///     Frames a second of files that have no times, and of key points in any case.
 /// person : int, optional
 ///     Number of the person in each frame of key points; unless given, the one seen best in the first frame is followed.
 /// diver : Diver, optional
@@ -656,9 +656,10 @@ pub(crate) fn read_mot<'py>(source: &Bound<'py, PyAny>, strict: bool) -> Result<
 /// | Program | A file is |
 /// |---|---|
 /// | OpenPose | a frame with ``people``; a folder of them; a list |
-/// | COCO, AlphaPose | a list of results with ``image_id``, or ``annotations`` |
+/// | COCO, AlphaPose | a list of results with ``image_id``, or ``annotations``; frames under the names of their pictures |
 /// | MMPose | ``instance_info``, or a list of frames with ``instances`` |
 /// | MediaPipe | a frame or a list of them: landmarks with ``x``, ``y``, ``z``, ``visibility`` |
+/// | EasyMocap | a folder of lists with ``keypoints3d`` |
 ///
 /// Names are the file's, or those of the model with as many points: COCO (17), OpenPose (18, BODY_25), HALPE-26, MediaPipe (33).
 /// Weights are confidences, half of COCO's visibility, or 1; they are 0 where a point was not found.
@@ -667,9 +668,10 @@ pub(crate) fn read_mot<'py>(source: &Bound<'py, PyAny>, strict: bool) -> Result<
 /// ----------
 /// source : path, or file opened for reading
 /// rate : float, optional
-///     Frames a second; needed where the file has no times.
+///     Frames a second; needed where the file has no times, and used in their place.
 /// person : int, optional
-///     Number of the person in each frame; unless given, the one seen best in the first frame is followed.
+///     Number of the person in each frame; unless given, the one seen best in the first frame is followed. Frames in which
+///     this person is absent have weights of 0, and `repairs` lists how many there are.
 /// strict : bool, optional
 ///     Whether a file that needs a repair is an error.
 ///
