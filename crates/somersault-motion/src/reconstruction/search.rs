@@ -475,7 +475,7 @@ mod tests {
         let flown = Flown { model: &model, splines: &splines, layout: &layout };
         let estimate = estimate((0..7 * 4).map(|k| 0.5 * f64::from(k).sin()).collect());
         let times: Vec<f64> = (0..11).map(|i| 0.02 * f64::from(i)).collect();
-        let points = times.iter().map(|t| vec![Some(Vector3::new(*t, 0.3, 0.1)); 3]).collect();
+        let points: Vec<_> = times.iter().map(|t| vec![Some(Vector3::new(*t, 0.3, 0.1)); 3]).collect();
         let weights = vec![vec![1.0; 3]; points.len()];
         let observed = Observed { times, reference: 4, points, weights };
         let noise = MarkerNoise { size: 0.1, correlated: 0.7, time: 0.1 };
