@@ -84,7 +84,7 @@ class TestMarkers:
             weights[5, 1] = wrong
             with pytest.raises(errors.InputError, match=r"`weights` must be above 0 and at most 1, found"):
                 motion.MarkerRecording(plain.names, plain.times, plain.points, plain.present, weights)
-        with pytest.raises(errors.InputError, match="`weights` must have the shape"):
+        with pytest.raises(errors.InputError, match="`weights` must be real numbers of shape"):
             motion.MarkerRecording(plain.names, plain.times, plain.points, plain.present, weights[1:])
 
     def test_filled_gaps_are_scipys_cubic_spline(self) -> None:
