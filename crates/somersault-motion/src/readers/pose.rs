@@ -43,7 +43,7 @@ pub use folder::frames_in;
 pub(crate) use models::names_of;
 use order::numbers_in;
 use points::Person;
-use text::{ALLOWED, no};
+use text::{ALLOWED, unexpected_value};
 
 /// This format.
 pub const FORMAT: Format = Format {
@@ -85,12 +85,12 @@ pub fn read(
     let head = Place::Line(1);
     if file.frames.is_empty() {
         let allowed = format!("{ALLOWED}, under {}", keys_of_people());
-        return Err(no("", &root, allowed));
+        return Err(unexpected_value("", &root, allowed));
     }
     let n_people = file.frames.iter().map(|frame| frame.people.len()).max().unwrap_or(0);
     if n_people == 0 {
         let allowed = format!("{ALLOWED}, under {}", keys_of_people());
-        return Err(no("frames without a person: ", &root, allowed));
+        return Err(unexpected_value("frames without a person: ", &root, allowed));
     }
     if let Some(found) = options.person.filter(|person| *person >= n_people) {
         return Err(ReadError::Person { found, n_people });

@@ -3,7 +3,7 @@
 use super::super::{Place, ReadError, unexpected};
 use super::order::natural;
 use super::points::{Person, entry, is_body, is_point, is_points, points};
-use super::text::{in_frame, is_empty, no};
+use super::text::{in_frame, is_empty, unexpected_value};
 use serde_json::{Map, Value};
 use std::collections::{HashMap, HashSet};
 
@@ -139,13 +139,13 @@ impl File {
                 }
                 Value::Array(inner) => self.people(inner).map(|people| Some(Frame::of(people))),
                 Value::Null => Ok(None),
-                other => Err(no("", other, "a frame")),
+                other => Err(unexpected_value("", other, "a frame")),
             };
             let frame = found.map_err(|error| in_frame(error, i, None))?.unwrap_or_default();
             if in_pictures && frame.name.is_none() {
                 let allowed =
                     "a result with its `image_id`, or another name of its picture, as the first has";
-                return Err(in_frame(no("", value, allowed), i, None));
+                return Err(in_frame(unexpected_value("", value, allowed), i, None));
             }
             frames.push((frame, entry_of(value, &POINTS).is_some()));
         }
@@ -202,7 +202,7 @@ impl File {
             };
             if found.is_none() && !is_empty(content) {
                 let allowed = format!("a frame with people or key points under {}", keys_of_people());
-                return Err(in_frame(no("", content, allowed), i, Some(name)));
+                return Err(in_frame(unexpected_value("", content, allowed), i, Some(name)));
             }
             let Frame { time, people, .. } = found.unwrap_or_default();
             let own = Frame { people, time, ..Frame::default() };
@@ -279,20 +279,22 @@ impl File {
         for value in all {
             match value {
                 Value::Object(object) => people.extend(self.person(object)?),
-                Value::Array(_) if is_point(value) => return Err(no("", value, A_PERSON)),
+                Value::Array(_) if is_point(value) => return Err(unexpected_value("", value, A_PERSON)),
                 // MMPose has lists of one frame in a list
                 Value::Array(inner) if !is_points(inner) => {
                     for value in inner {
                         match value {
                             Value::Object(object) => people.extend(self.person(object)?),
-                            other => return Err(no("", other, A_PERSON)),
+                            other => return Err(unexpected_value("", other, A_PERSON)),
                         }
                     }
                 }
                 Value::Array(_) => people.extend(points(value, None, None)?),
                 // nobody was seen
                 Value::Null => {}
-                Value::Bool(_) | Value::Number(_) | Value::String(_) => return Err(no("", value, A_PERSON)),
+                Value::Bool(_) | Value::Number(_) | Value::String(_) => {
+                    return Err(unexpected_value("", value, A_PERSON));
+                }
             }
         }
         Ok(people)
@@ -312,7 +314,7 @@ impl File {
             }
         }
         match entry(object, &["x", "y"]) {
-            Some(_) => Err(no("", &Value::Object(object.clone()), A_PERSON)),
+            Some(_) => Err(unexpected_value("", &Value::Object(object.clone()), A_PERSON)),
             None => Ok(None),
         }
     }

@@ -2,7 +2,7 @@
 
 use super::super::{Place, ReadError, unexpected};
 use super::models::is_of_a_model;
-use super::text::no;
+use super::text::unexpected_value;
 use serde_json::{Map, Value};
 use std::collections::{HashMap, HashSet};
 
@@ -88,7 +88,7 @@ pub(super) fn points(
             return Err(unexpected(Place::Line(1), &format!("{} numbers", all.len()), allowed));
         }
         if let Some(other) = all.iter().find(|value| !value.is_number() && !value.is_null()) {
-            return Err(no("", other, "a number or null"));
+            return Err(unexpected_value("", other, "a number or null"));
         }
         for (k, row) in all.chunks_exact(stride).enumerate() {
             let mut x = [0.0; 3];
@@ -117,7 +117,7 @@ pub(super) fn points(
                     points.push(([x[0], x[1], z.unwrap_or(0.0)], 2 + usize::from(z.is_some()), weight));
                 }
                 Value::Null => points.push(([0.0; 3], 2, 0.0)),
-                other => return Err(no("", other, "a point: x, y, z and a confidence")),
+                other => return Err(unexpected_value("", other, "a point: x, y, z and a confidence")),
             }
         }
     }

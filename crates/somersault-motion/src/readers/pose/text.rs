@@ -87,7 +87,7 @@ fn described(value: &Value) -> String {
 }
 
 /// The error of a value that is not allowed.
-pub(super) fn no(what: &str, value: &Value, allowed: impl Into<String>) -> ReadError {
+pub(super) fn unexpected_value(what: &str, value: &Value, allowed: impl Into<String>) -> ReadError {
     let found = shorten(&format!("{what}{}", described(value)), LONGEST);
     ReadError::Unexpected { place: Place::Line(1), found, allowed: allowed.into() }
 }
