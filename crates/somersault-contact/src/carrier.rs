@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Vector3};
 use somersault_core::lie::so3;
 use somersault_integrators::state::{Pose, RigidBodyState, Twist};
 use somersault_integrators::variation::Tangent;
+use std::borrow::Borrow;
 
 /// How a frame stands and moves in the world.
 pub(crate) trait Carrier {
@@ -61,11 +62,11 @@ impl Carrier for (&Pose, &Twist) {
     }
 }
 
-/// The frame of a link, world axes.
+/// The frame of a link, world axes; its rotation may stay where it was computed.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Frame {
+pub(crate) struct Frame<R = Matrix3<f64>> {
     pub(crate) origin: Vector3<f64>,
-    pub(crate) rotation: Matrix3<f64>,
+    pub(crate) rotation: R,
     pub(crate) velocity: Vector3<f64>,
     pub(crate) angular_velocity: Vector3<f64>,
 }
@@ -108,14 +109,14 @@ impl Frame {
     }
 }
 
-impl Carrier for Frame {
+impl<R: Borrow<Matrix3<f64>>> Carrier for Frame<R> {
     #[inline(always)]
     fn origin(&self) -> &Vector3<f64> {
         &self.origin
     }
     #[inline(always)]
     fn turned(&self, v: &Vector3<f64>) -> Vector3<f64> {
-        self.rotation * v
+        self.rotation.borrow() * v
     }
     #[inline(always)]
     fn speed(&self) -> &Vector3<f64> {

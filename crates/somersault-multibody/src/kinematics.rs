@@ -8,7 +8,7 @@ use crate::error::DynamicsError;
 use crate::model::Model;
 use crate::spatial::{Motion, Transform};
 use crate::triples::lifted;
-use nalgebra::{DMatrix, Vector3};
+use nalgebra::{DMatrix, Matrix3, Vector3};
 use somersault_core::argument::{ArgumentError, expect_length};
 use somersault_core::scalar::{Lift, Scalar, constant};
 
@@ -151,6 +151,14 @@ impl<'a, T: Scalar> Positions<'a, T> {
         self.model.expect_body(i)?;
         let pose = &self.data.nodes[i].pose;
         Ok(Transform::new(pose.rotation, pose.translation + self.data.origin))
+    }
+
+    /// Origin of body `i` in the world, and its rotation, body axes → world, which is not copied.
+    #[inline]
+    pub fn origin_and_rotation(&self, i: usize) -> Result<(Vector3<T>, &'a Matrix3<T>), DynamicsError> {
+        self.model.expect_body(i)?;
+        let pose = &self.data.nodes[i].pose;
+        Ok((pose.translation + self.data.origin, &pose.rotation))
     }
 
     /// out ← J, 6 × [`n_velocities`](Model::n_velocities), with J v the velocity (linear, then angular)

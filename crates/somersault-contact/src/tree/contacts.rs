@@ -6,7 +6,7 @@ use crate::contacts::Contact;
 use crate::error::ContactError;
 use crate::laws::{ContactLaw, Encounter};
 use crate::shape::{Feature, Shape};
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use nalgebra::{ArrayStorage, Matrix3, UnitQuaternion, Vector3};
 use somersault_multibody::geometry::GeometryShape;
 use somersault_multibody::motion::mobility_bound;
 use somersault_multibody::{Model, Velocities};
@@ -259,7 +259,7 @@ impl TreeContacts {
         match (part, self.base(i)) {
             (Part::Surface(link, contact), Some(base)) => self.meet_on_base((*link, contact), base, bodies),
             (Part::Surface(link, contact), None) => {
-                Hold::on_surface((*link, contact), self.masses[*link], &frame(bodies, *link))
+                Hold::on_surface((*link, contact), self.masses[*link], &frame_in_place(bodies, *link))
             }
             (Part::Pair(_), _) => part.meet(|link| frame(bodies, link), |link| self.masses[link]),
         }
@@ -301,19 +301,25 @@ impl TreeContacts {
     }
 }
 
+/// The rotation of a link that is not there.
+static NOWHERE: Matrix3<f64> = Matrix3::from_array_storage(ArrayStorage([[f64::NAN; 3]; 3]));
+
 /// How the frame of a link stands and moves; NaN of one that is not there.
-#[inline(always)]
+#[inline]
 pub(super) fn frame(bodies: &Velocities<'_>, link: usize) -> Frame {
-    if let Ok(pose) = bodies.positions().pose(link)
+    let Frame { origin, rotation, velocity, angular_velocity } = frame_in_place(bodies, link);
+    Frame { origin, rotation: *rotation, velocity, angular_velocity }
+}
+
+/// The same without a copy of the rotation.
+#[inline(always)]
+fn frame_in_place<'a>(bodies: &Velocities<'a>, link: usize) -> Frame<&'a Matrix3<f64>> {
+    if let Ok((origin, rotation)) = bodies.positions().origin_and_rotation(link)
         && let Ok(motion) = bodies.velocity(link)
     {
-        return Frame {
-            origin: pose.translation,
-            rotation: pose.rotation,
-            velocity: pose.rotation * motion.linear,
-            angular_velocity: pose.rotation * motion.angular,
-        };
+        let [velocity, angular_velocity] = [motion.linear, motion.angular].map(|v| rotation * v);
+        return Frame { origin, rotation, velocity, angular_velocity };
     }
     let none = Vector3::repeat(f64::NAN);
-    Frame { origin: none, rotation: Matrix3::repeat(f64::NAN), velocity: none, angular_velocity: none }
+    Frame { origin: none, rotation: &NOWHERE, velocity: none, angular_velocity: none }
 }
