@@ -56,7 +56,7 @@ pub struct Sqp {
     /// are less: 10⁴ as in IPOPT. With a small one what starts nearly feasible stays so.
     pub violation_limit: f64,
     /// Whether [`InteriorPoint`](crate::InteriorPoint) solves the program, and the method continues from its solution, once exchanging
-    /// rows of the working set does not find the one of a step: from the start if that has no multipliers, else after ten steps for which
+    /// rows of the working set does not find the one of a step: from the start if that has no multipliers, else after thirty steps for which
     /// it did not, and from where the method is then. A quadratic program of many bounds, which would be solved instead, takes as much
     /// work as the whole program.
     pub crossover: bool,

@@ -16,7 +16,7 @@ use std::time::Instant;
 const NEAR: f64 = 1e-6;
 
 /// Quadratic programs after which a warm start crosses over too, from where it is then.
-pub(super) const FROM_A_WARM_START: usize = 10;
+pub(super) const FROM_A_WARM_START: usize = 30;
 
 impl Run<'_> {
     /// Moves to the solution of the interior-point method. None if it has none: then the search continues where it is.
