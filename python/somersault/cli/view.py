@@ -78,7 +78,7 @@ def add(commands: Any) -> None:
     parser.add_argument("--unit", help="unit of length, where the file has none: m, cm, mm, in, …")
     parser.add_argument("--up", help="axis that points up: x, y, z, or one with a sign, --up=-y")
     parser.add_argument("--forward", help="axis that points forward")
-    parser.add_argument("--rate", type=float, help="frames a second, of files without times and of key points")
+    parser.add_argument("--rate", type=float, help="frames a second, of key points or without times")
     parser.add_argument("--person", type=int, help="number of the person in frames of key points, from 0")
     parser.add_argument("--strict", action="store_true", help="refuse a file that needs a repair")
     parser.set_defaults(command=view)
