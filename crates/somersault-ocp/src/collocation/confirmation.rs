@@ -210,7 +210,8 @@ fn integrate(
         return Ok((vec![f64::NAN; n], f64::NAN));
     }
     let interval = &solution.grid.intervals[k];
-    let (start, end) = (solution.time(interval.start), solution.time(interval.start + interval.length));
+    let (start, end) =
+        (solution.horizon.time(interval.start), solution.horizon.time(interval.start + interval.length));
     let initial = State {
         configuration: Vector(state.iter().copied().chain([0.0]).collect()),
         rate: Vector(vec![0.0; n + 1]),
@@ -241,7 +242,7 @@ fn end_cost(phase: &mut Phase, solution: &PhaseSolution) -> Result<f64, Collocat
     let mut arguments = solution.states[0].clone();
     arguments.extend(&solution.states[solution.states.len() - 1]);
     arguments.extend(&solution.parameters);
-    arguments.extend([solution.horizon.0, solution.horizon.1]);
+    arguments.extend(<[f64; 2]>::from(solution.horizon()));
     let mut values = vec![0.0; phase.ends.n_outputs()];
     phase.ends.evaluate(&arguments, &mut values)?;
     Ok(values[0])
@@ -272,7 +273,7 @@ fn violation(phase: &mut Phase, solution: &PhaseSolution) -> Result<(f64, String
             combine(&solution.states[interval.first..], &state_basis, state);
             combine(&solution.controls[interval.first..], &control_basis, control);
             parameters.copy_from_slice(&solution.parameters);
-            time[0] = solution.time(interval.start + 0.5 * (tau + 1.0) * interval.length);
+            time[0] = solution.horizon.time(interval.start + 0.5 * (tau + 1.0) * interval.length);
             let time = time[0];
             let at_point = arguments.iter().zip(phase.bounds.state.iter().chain(&phase.bounds.control));
             at_point.enumerate().for_each(|(row, (&x, bounds))| take(bounds.distance(x), row, time));

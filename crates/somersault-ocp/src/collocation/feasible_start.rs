@@ -57,7 +57,7 @@ pub(super) fn horizons(problem: &Problem, factor: f64) -> Vec<(f64, f64)> {
 }
 
 impl<S: NlpSolver> Collocation<S> {
-    /// Guesses from a motion of minimum effort; none where no horizon has one. What was tried is added to `history`.
+    /// A motion of minimum effort; none where no horizon has one. What was tried is added to `history`.
     pub(super) fn feasible_start(
         &self,
         problem: &mut Problem,
@@ -66,7 +66,7 @@ impl<S: NlpSolver> Collocation<S> {
         history: &mut Vec<MeshRecord>,
         token: &CancellationToken,
         left: &mut Option<usize>,
-    ) -> Result<Option<Vec<Guess>>, CollocationError> {
+    ) -> Result<Option<Vec<PhaseSolution>>, CollocationError> {
         let mut tried: Vec<Vec<(f64, f64)>> = Vec::new();
         for power in 0..MOST {
             let horizons = horizons(problem, SHORT * f64::from(1 << power));
@@ -92,7 +92,7 @@ impl<S: NlpSolver> Collocation<S> {
         history: &mut Vec<MeshRecord>,
         token: &CancellationToken,
         left: &mut Option<usize>,
-    ) -> Result<Option<Vec<Guess>>, CollocationError> {
+    ) -> Result<Option<Vec<PhaseSolution>>, CollocationError> {
         let began = Instant::now();
         let bounds = |phase: &Phase| (phase.bounds.initial_time, phase.bounds.final_time);
         let posed: Vec<_> = problem.phases.iter().map(bounds).collect();
@@ -122,6 +122,6 @@ impl<S: NlpSolver> Collocation<S> {
             time: began.elapsed(),
         });
         let is_motion = program.residuals.feasibility <= USABLE && !is_ended(program.status);
-        Ok(is_motion.then(|| phases.iter().map(PhaseSolution::to_guess).collect()))
+        Ok(is_motion.then_some(phases))
     }
 }

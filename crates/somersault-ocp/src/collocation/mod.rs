@@ -72,6 +72,7 @@ mod feasible_start;
 mod function;
 mod given_derivatives;
 mod guess;
+mod horizon;
 mod interval;
 mod layout;
 mod limited;

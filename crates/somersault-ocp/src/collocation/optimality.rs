@@ -168,7 +168,7 @@ pub(super) fn optimality(
     let sizes = phase.sizes;
     let n_path = phase.path.n_outputs() - 1;
     let n_rows = sizes.states + n_path;
-    let duration = solution.horizon.1 - solution.horizon.0;
+    let duration = solution.horizon.duration();
     let largest = |rows: &[Vec<f64>], s: usize| rows.iter().fold(0.0, |m: f64, row| m.max(row[s].abs()));
     let costate_sizes: Vec<f64> = (0..sizes.states).map(|s| 1.0 + largest(&solution.costates, s)).collect();
     let row_sizes: Vec<f64> = (0..sizes.states)
@@ -356,7 +356,7 @@ impl Scratch {
             *to = bound.clamp(*u);
         }
         rest[..sizes.parameters].copy_from_slice(&solution.parameters);
-        rest[sizes.parameters] = solution.time(interval.start + 0.5 * (tau + 1.0) * interval.length);
+        rest[sizes.parameters] = solution.horizon.time(interval.start + 0.5 * (tau + 1.0) * interval.length);
     }
 
     /// W for the interval, from one of its points.

@@ -40,7 +40,7 @@ pub(super) fn errors(
     phase: &mut Phase,
     solution: &PhaseSolution,
 ) -> Result<Vec<IntervalError>, CollocationError> {
-    let duration = solution.horizon.1 - solution.horizon.0;
+    let duration = solution.horizon.duration();
     let n_states = phase.sizes.states;
     let mut arguments = vec![0.0; phase.sizes.point()];
     let (mut at, mut differences) = (vec![0.0; n_states], vec![0.0; n_states]);
@@ -67,7 +67,7 @@ pub(super) fn errors(
             combine(&solution.controls[interval.first..], &control_basis, control);
             let (parameters, time) = rest.split_at_mut(phase.sizes.parameters);
             parameters.copy_from_slice(&solution.parameters);
-            time[0] = solution.time(interval.start + 0.5 * (tau + 1.0) * interval.length);
+            time[0] = solution.horizon.time(interval.start + 0.5 * (tau + 1.0) * interval.length);
             phase.dynamics.evaluate(&arguments, &mut rate)?;
             rates.row_mut(j).iter_mut().zip(&rate).for_each(|(to, x)| *to = half * x);
         }

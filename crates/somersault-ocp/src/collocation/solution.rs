@@ -8,6 +8,7 @@ use super::bounds::PhaseBounds;
 use super::error::{CollocationError, expect_length};
 use super::function::VectorFunction;
 use super::guess::Guess;
+use super::horizon::Horizon;
 use super::layout::PhaseLayout;
 use super::mesh::{Grid, GridInterval, Mesh};
 use super::transcription::Transcription;
@@ -31,7 +32,7 @@ const POWER: f64 = 1e3;
 )]
 pub struct PhaseSolution {
     pub(super) grid: Grid,
-    pub(super) horizon: (f64, f64),
+    pub(super) horizon: Horizon,
     /// t.
     pub times: Vec<f64>,
     rows: PhaseRows,
@@ -75,7 +76,7 @@ struct Parts {
 #[cfg(feature = "serde")]
 impl From<PhaseSolution> for Parts {
     fn from(PhaseSolution { grid, horizon, rows, .. }: PhaseSolution) -> Self {
-        Self { mesh: grid.mesh, horizon, rows }
+        Self { mesh: grid.mesh, horizon: horizon.ends(), rows }
     }
 }
 
@@ -118,6 +119,7 @@ impl PhaseSolution {
         }
         expect_length(None, "costates", costates[0].len(), states[0].len())?;
         expect_length(None, "hamiltonian", hamiltonian.len(), n)?;
+        let horizon = Horizon::since(0.0, start, end);
         let mut solution = Self { grid, horizon, times: Vec::new(), rows };
         solution.times = solution.times_of_nodes();
         Ok(solution)
@@ -125,12 +127,12 @@ impl PhaseSolution {
 
     /// Times of the points and of the end.
     fn times_of_nodes(&self) -> Vec<f64> {
-        self.grid.fractions.iter().chain([&1.0]).map(|&fraction| self.time(fraction)).collect()
+        self.grid.fractions.iter().chain([&1.0]).map(|&fraction| self.horizon.time(fraction)).collect()
     }
 
     /// t₀ and t_f.
     pub fn horizon(&self) -> (f64, f64) {
-        self.horizon
+        self.horizon.ends()
     }
 
     /// The part of the duration that has passed at each node, and the number of its interval.
@@ -143,7 +145,7 @@ impl PhaseSolution {
 
     /// The part of ∫ dt that each point stands for.
     pub(crate) fn measures(&self) -> Vec<f64> {
-        let duration = self.horizon.1 - self.horizon.0;
+        let duration = self.horizon.duration();
         let intervals = self.grid.intervals.iter();
         let of = |interval: &GridInterval, i| 0.5 * duration * interval.length * interval.weight(i);
         intervals.flat_map(|interval| interval.points().map(move |i| of(interval, i))).collect()
@@ -209,14 +211,8 @@ impl PhaseSolution {
         costate
     }
 
-    /// Time where a fraction of the phase has passed.
-    pub(super) fn time(&self, fraction: f64) -> f64 {
-        self.horizon.0 + fraction * (self.horizon.1 - self.horizon.0)
-    }
-
     fn with_basis(&self, t: f64, with_end: bool, use_basis: impl FnOnce(usize, &[f64])) {
-        let (start, end) = self.horizon;
-        let (k, tau) = self.grid.locate(((t - start) / (end - start)).clamp(0.0, 1.0));
+        let (k, tau) = self.grid.locate(self.horizon.fraction(t).clamp(0.0, 1.0));
         let GridInterval { radau, first, .. } = &self.grid.intervals[k];
         let mut basis = vec![0.0; radau.len() + usize::from(with_end)];
         if with_end {
@@ -229,7 +225,7 @@ impl PhaseSolution {
 
     /// The solution as a guess, to start another problem from.
     pub fn to_guess(&self) -> Guess {
-        let end = self.control(self.horizon.1);
+        let end = self.control(self.horizon.ends().1);
         Guess {
             times: self.times.clone(),
             states: self.states.clone(),
@@ -377,8 +373,8 @@ impl Transcription<'_> {
         let n = grid.n_points();
         let slice = |first: usize, length: usize| values[first..first + length].to_vec();
         let origin = self.variables.origin;
-        let horizon = (origin + values[layout.times()], origin + values[layout.times() + 1]);
-        let duration = horizon.1 - horizon.0;
+        let horizon = Horizon::since(origin, values[layout.times()], values[layout.times() + 1]);
+        let duration = horizon.duration();
         let costates = self.costates(k, row, multipliers);
         let mut path_multipliers = Vec::with_capacity(n);
         let n_path = self.problem.phases[k].path.n_outputs() - 1;
@@ -443,7 +439,7 @@ impl Transcription<'_> {
                     } else {
                         let fraction = self.grids[k].fractions[i];
                         let [state, control, costate] = solution.at_fraction(fraction);
-                        [state, control, costate, solution.path_multiplier(solution.time(fraction))]
+                        [state, control, costate, solution.path_multiplier(fraction)]
                     };
                     let [state, control, costate, path_multiplier] = row;
                     self.set(layout.state(i), &state);
@@ -451,19 +447,23 @@ impl Transcription<'_> {
                     let weight = interval.weight(i);
                     let scales = &self.problem.phases[k].scales.state;
                     multipliers.extend(costate.iter().zip(scales).map(|(l, s)| -weight * l * s));
-                    let measure = 0.5 * (solution.horizon.1 - solution.horizon.0) * interval.length * weight;
+                    let measure = 0.5 * solution.horizon.duration() * interval.length * weight;
                     path.extend(path_multiplier.iter().map(|m| m * measure));
                 }
             }
             self.set(layout.state(n), &solution.states[solution.states.len() - 1]);
-            let origin = self.variables.origin;
-            self.set(layout.times(), &[solution.horizon.0 - origin, solution.horizon.1 - origin]);
+            self.set(layout.times(), &solution.horizon.ends_since(self.variables.origin));
             self.set(layout.parameters(), &solution.parameters);
             multipliers.append(&mut path);
-            multipliers.extend(&rest.ends[k]);
+            multipliers.extend(rest.ends.get(k).into_iter().flatten());
         }
         multipliers.extend(&rest.linkages);
         Start { z: self.variables.decision(), constraint_multipliers: multipliers, ..Start::default() }
+    }
+
+    /// The decision vector of solutions of a like problem.
+    pub(super) fn at(&mut self, solutions: &[PhaseSolution]) -> Vec<f64> {
+        self.continued(solutions, &RestMultipliers::default()).z
     }
 
     /// The multipliers that do not depend on the mesh.
@@ -478,19 +478,21 @@ impl Transcription<'_> {
 }
 
 /// Multipliers of end constraints, by phase, and of linkages.
+#[derive(Default)]
 pub(crate) struct RestMultipliers {
     pub(crate) ends: Vec<Vec<f64>>,
     linkages: Vec<f64>,
 }
 
 impl PhaseSolution {
-    /// Of the path constraints, straight lines between points: they jump where constraints begin to act.
-    fn path_multiplier(&self, t: f64) -> Vec<f64> {
-        let n = self.path_multipliers.len();
-        let i = self.times[..n].partition_point(|&time| time <= t).clamp(1, n.max(2) - 1).min(n - 1);
+    /// Of the path constraints where a fraction of the duration has passed, straight lines between points: they jump where constraints
+    /// begin to act.
+    fn path_multiplier(&self, fraction: f64) -> Vec<f64> {
+        let (n, points) = (self.path_multipliers.len(), &self.grid.fractions);
+        let i = points[..n].partition_point(|&point| point <= fraction).clamp(1, n.max(2) - 1).min(n - 1);
         let (left, right) = (i.saturating_sub(1), i);
-        let gap = self.times[right] - self.times[left];
-        let fraction = if gap > 0.0 { ((t - self.times[left]) / gap).clamp(0.0, 1.0) } else { 0.0 };
+        let gap = points[right] - points[left];
+        let fraction = if gap > 0.0 { ((fraction - points[left]) / gap).clamp(0.0, 1.0) } else { 0.0 };
         let pairs = self.path_multipliers[left].iter().zip(&self.path_multipliers[right]);
         pairs.map(|(a, b)| a + fraction * (b - a)).collect()
     }

@@ -3,7 +3,6 @@
 use super::confirmation::{Confirmation, confirm_cancellable};
 use super::error::CollocationError;
 use super::function::RelativeErrors;
-use super::guess::Guess;
 use super::limited::Limited;
 use super::mesh::Mesh;
 use super::optimality::{Accuracy, IntervalOptimality, optimality};
@@ -207,8 +206,8 @@ type Failure = Box<dyn Error + Send + Sync>;
 pub(crate) enum Origin<'a> {
     /// At the guesses of the phases.
     Phases,
-    /// At other guesses.
-    Guesses(&'a [Guess]),
+    /// At a motion of the phases.
+    Motion(&'a [PhaseSolution]),
     /// At the solution of a like problem.
     Solution(&'a CollocationReport),
 }
@@ -328,7 +327,7 @@ impl<S: NlpSolver> Collocation<S> {
             let ended = starts.last().map(|mesh| mesh.status).filter(|status| is_ended(*status));
             if let Some(start) = start {
                 let history = found.history.into_iter().chain(starts).collect();
-                let origin = Origin::Guesses(&start);
+                let origin = Origin::Motion(&start);
                 found = self.search(problem, meshes, origin, history, on_iteration, token, left)?;
             } else {
                 starts.extend(found.history);
@@ -402,7 +401,7 @@ impl<S: NlpSolver> Collocation<S> {
             let start = match (&previous, origin) {
                 (Some((phases, rest)), _) => transcription.continued(phases, rest),
                 (None, Origin::Phases) => transcription.decision_of_guess().into(),
-                (None, Origin::Guesses(guesses)) => transcription.start(guesses).into(),
+                (None, Origin::Motion(phases)) => transcription.at(phases).into(),
                 (None, Origin::Solution(solution)) => {
                     transcription.repeated(&solution.phases, &solution.program)?
                 }

@@ -136,9 +136,8 @@ impl System for DrivenPhase<'_> {
     fn velocity(&self, (): &mut (), t: f64, x: &State<Vector>, out: &mut Vector) {
         let Self { solution, interval, inner } = self;
         let Inner { phase, arguments, basis, path, failure } = &mut *inner.borrow_mut();
-        let (start, end) = solution.horizon;
         let interval = &solution.grid.intervals[*interval];
-        interval.radau.control_basis(interval.local((t - start) / (end - start)), basis);
+        interval.radau.control_basis(interval.local(solution.horizon.fraction(t)), basis);
         let sizes = phase.sizes;
         let (state, rest) = arguments.split_at_mut(sizes.states);
         let (control, rest) = rest.split_at_mut(sizes.controls);
