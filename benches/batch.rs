@@ -12,6 +12,8 @@ use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Adaptive, Steps, TimeGrid};
 use somersault_integrators::force::{BoxedForce, Drag, ForceModel, Gravity, Spring};
 use somersault_integrators::methods::Method;
+use somersault_integrators::orbit::{Elements, Orbit};
+use somersault_integrators::satellite::{Field, GravityGradient, MagneticDipole};
 use somersault_integrators::state::RigidBodyState;
 use somersault_integrators::system::RigidBodySystem;
 use std::hint::black_box;
@@ -117,6 +119,35 @@ fn forced_bodies(c: &mut Criterion) {
     }
 }
 
+/// Satellites on one orbit under the gradient of gravity and a dipole's field: evaluated for several bodies at once, and one at a time.
+fn satellites(c: &mut Criterion) {
+    let side = |i: usize| 1.0 + 0.3 * (i as f64).sin();
+    let bodies: Vec<_> =
+        (0..BODIES).map(|i| RigidBody::try_box(1.0, Vector3::new(1.0, 2.0, side(i))).unwrap()).collect();
+    let states: Vec<_> =
+        (0..BODIES).map(|i| RigidBodyState::spinning(Vector3::new(1e-3, 1e-3 * side(i), 0.0))).collect();
+    let grids = vec![TimeGrid::try_with_steps(0.0, 1000.0, 100).unwrap(); BODIES];
+    let elements = Elements { eccentricity: 0.1, ..Elements::circle(Elements::EARTH, 7e6) };
+    let orbit = Orbit::try_new(elements).unwrap();
+    let field = Field::Dipole { orbit, strength: Vector3::z() * -7.8e15 };
+    let dipole = MagneticDipole { moment: Vector3::new(0.0, 0.0, 1e-3), field };
+    let forces = || -> Vec<BoxedForce> { vec![Box::new(GravityGradient { orbit }), Box::new(dipole)] };
+    let systems: Vec<_> = bodies.iter().map(|body| RigidBodySystem::new(*body, forces())).collect();
+    let (acting, terms) = (forces(), vec![Vec::new(); BODIES]);
+    let acting: Vec<&(dyn ForceModel + Sync)> = acting.iter().map(|force| &**force as _).collect();
+    let lists = vec![&acting[..]; BODIES];
+    let mut group = c.benchmark_group("batch of 10000 satellites, 100 steps");
+    group.throughput(Throughput::Elements(BODIES as u64 * 100));
+    let pool = ThreadPoolBuilder::new().num_threads(1).build().unwrap();
+    group.bench_function("in lanes", |b| {
+        let runs = ForcedRuns::try_new(&bodies, &grids, &terms).unwrap().with_forces(&lists).unwrap();
+        b.iter(|| pool.install(|| runs.from(&states).unwrap()));
+    });
+    group.bench_function("rkmk_b one at a time", |b| {
+        b.iter(|| pool.install(|| Runs::new(&systems, Method::RkmkB, &grids).from(&states).unwrap()));
+    });
+}
+
 /// Rounds of the loops that measure the peak; each has as many independent sums as hide the latency.
 #[cfg(target_arch = "x86_64")]
 const ROUNDS: u64 = 100_000;
@@ -168,6 +199,6 @@ fn arithmetic_peak(_: &mut Criterion) {}
 criterion_group! {
     name = benches;
     config = Criterion::default().sample_size(10).warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(2));
-    targets = arithmetic_peak, steps_per_second, rigid_bodies, forced_bodies
+    targets = arithmetic_peak, steps_per_second, rigid_bodies, forced_bodies, satellites
 }
 criterion_main!(benches);

@@ -5,14 +5,17 @@ use rayon::ThreadPoolBuilder;
 use somersault_core::cancel::CancellationToken;
 use somersault_core::{Inertia, lie::so3};
 use somersault_integrators::batch::{
-    AdaptedRuns, BatchError, ForcedRuns, FreeBodyBatch, FreeRuns, InstructionSet, Runs,
+    AdaptedRuns, BatchError, ForcedRuns, Forces, FreeBodyBatch, FreeRuns, InstructionSet, Runs,
 };
 use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::{Adaptive, IntegrateError, Steps, TimeGrid};
 use somersault_integrators::exact::FreeBody;
-use somersault_integrators::force::{ForceModel, Gravity, Spring, Wrench};
+use somersault_integrators::force::{BoxedForce, ForceModel, Gravity, ScheduledTorque, Spring, Wrench};
 use somersault_integrators::methods::Method;
+use somersault_integrators::orbit::{Elements, Orbit};
+use somersault_integrators::rotors::{LinearSchedule, ReactionWheel, ReactionWheels, Rotors};
 use somersault_integrators::run::Run;
+use somersault_integrators::satellite::{AerodynamicDrag, Field, GravityGradient, MagneticDipole, Plate};
 use somersault_integrators::series::WrenchTerm;
 use somersault_integrators::solution::Recorder;
 use somersault_integrators::state::RigidBodyState;
@@ -660,4 +663,113 @@ fn adapted_runs_refuse_what_they_cannot_move() {
     assert!(matches!(error, BatchError::Integrate { index: 68, .. }), "{error}");
     token.cancel();
     assert_eq!(all.recorded(&states, &[1.0], &token), Err(BatchError::Cancelled));
+}
+
+/// Lists of forces that are no sums of terms: none, on a satellite, by schedules, of wheels, and of a user.
+fn other_forces() -> Vec<Vec<BoxedForce>> {
+    let elements =
+        Elements { eccentricity: 0.3, inclination: 0.7, mean_anomaly: 0.2, ..Elements::circle(2.0, 1.5) };
+    let orbit = Orbit::try_new(elements).unwrap();
+    let field = Field::Dipole { orbit, strength: Vector3::new(0.1, -0.2, 0.5) };
+    let dipole = MagneticDipole { moment: Vector3::new(0.3, 0.1, -0.2), field };
+    let plate = Plate::try_new(0.5, Vector3::y(), Vector3::new(0.1, 0.4, 0.2), 0.2, 0.1).unwrap();
+    let drag = AerodynamicDrag::try_new(orbit, vec![plate], 0.3, 2.2).unwrap();
+    // the steps of no body end at these times, so that the order falls there, one at a time and in lanes alike
+    let schedule = |a: f64| LinearSchedule::try_new(vec![0.2, 0.9, 1.7], vec![0.1 * a, a, -0.5 * a]).unwrap();
+    let torque = |is_in_body| ScheduledTorque {
+        components: [schedule(0.4), schedule(-0.3), schedule(0.2)],
+        is_in_body,
+    };
+    let wheel = ReactionWheel::try_new(Vector3::z(), 0.05, 3.0, schedule(0.1)).unwrap();
+    let wind = |t: f64, body: &RigidBody, x: &RigidBodyState| Wrench {
+        force: (Vector3::new((3.0 * t).sin(), 1.0, 0.0) - x.velocity()) * (0.2 * body.mass()),
+        torque: x.orientation() * Vector3::new(0.0, 0.1, 0.0) - x.angular_velocity() * 0.05,
+    };
+    vec![
+        Vec::new(),
+        vec![Box::new(GravityGradient { orbit })],
+        vec![Box::new(dipole), Box::new(drag)],
+        vec![Box::new(torque(true)), Box::new(torque(false))],
+        vec![Box::new(Rotors(ReactionWheels(vec![wheel]))), Box::new(wind)],
+    ]
+}
+
+/// What a run takes of such lists.
+fn as_forces(lists: &[Vec<BoxedForce>]) -> Vec<Vec<&(dyn ForceModel + Sync)>> {
+    fn of(force: &BoxedForce) -> &(dyn ForceModel + Sync) {
+        &**force
+    }
+    lists.iter().map(|list| list.iter().map(of).collect()).collect()
+}
+
+/// Which list acts on a body: neighbours under the same one, and under different ones.
+fn list_of(i: usize) -> usize {
+    if i < 150 { i / 30 } else { i % 5 }
+}
+
+#[test]
+fn forces_that_are_no_sums_of_terms_act_in_lanes_as_one_at_a_time() {
+    let (bodies, states, grids, terms) = forced_flight(200);
+    let (lists, mut acting) = (other_forces(), Vec::new());
+    for i in 0..bodies.len() {
+        let mut of_body = other_forces().swap_remove(list_of(i));
+        of_body.push(Box::new(SumOfTerms(terms[i].clone())));
+        acting.push(RigidBodySystem::new(bodies[i], of_body));
+    }
+    let refs = as_forces(&lists);
+    let forces: Vec<Forces> = (0..bodies.len()).map(|i| &refs[list_of(i)][..]).collect();
+
+    let outcomes = Runs::new(&acting, Method::RkmkB, &grids).from(&states).unwrap();
+    let runs = ForcedRuns::try_new(&bodies, &grids, &terms).unwrap().with_forces(&forces).unwrap();
+    let ends = runs.from(&states).unwrap();
+    for (i, (end, outcome)) in ends.iter().zip(&outcomes).enumerate() {
+        let gap = distance(end, &outcome.state);
+        assert!(gap < 1e-11, "{i}: {gap:e} {:?}", terms[i]);
+    }
+    let token = CancellationToken::new();
+    for set in InstructionSet::supported() {
+        let mut moved = states.clone();
+        runs.advance_with(set, &mut moved, &token).unwrap();
+        assert_eq!(moved, ends, "{}", set.name());
+    }
+    for i in (0..bodies.len()).step_by(7) {
+        let alone = ForcedRuns::try_new(&bodies[i..=i], &grids[i..=i], &terms[i..=i]).unwrap();
+        let alone = alone.with_forces(&forces[i..=i]).unwrap();
+        assert_eq!(alone.from(&states[i..=i]).unwrap()[0], ends[i], "{i}");
+    }
+
+    let (interval, times) = ((0.1, 2.0), [0.7, 2.0]);
+    let settings = Adaptive::with_tolerances(1e-9, 1e-9);
+    let runs = AdaptedRuns::try_new(&bodies, interval, settings, &terms).unwrap();
+    let runs = runs.with_forces(&forces).unwrap();
+    let found = runs.recorded(&states, &times, &token).unwrap();
+    let mut logarithms = 0.0;
+    for i in 0..bodies.len() {
+        let end = |tolerance| {
+            let steps = Steps::adapted(interval, Adaptive::with_tolerances(tolerance, tolerance));
+            Run::new(&acting[i], Method::Rkmk8B, steps).from(&states[i]).unwrap().state
+        };
+        let fine = end(1e-12);
+        let (gap, of_one) = (distance(&found[i][1], &fine), distance(&end(1e-9), &fine));
+        // kinks, of schedules and where a plate turns into the wind, cost both digits
+        let bound = if list_of(i) < 2 { 1e-7 } else { 2e-6 };
+        assert!(gap < bound, "{i}: {gap:e} {:?}", terms[i]);
+        logarithms += (gap.max(1e-13) / of_one.max(1e-13)).ln();
+    }
+    let ratio = (logarithms / bodies.len() as f64).exp();
+    assert!((0.2..1.5).contains(&ratio), "{ratio}");
+    for set in InstructionSet::supported() {
+        assert_eq!(runs.recorded_with(set, &states, &times, &token).unwrap(), found, "{}", set.name());
+    }
+}
+
+#[test]
+fn forces_beside_terms_are_as_many_as_bodies() {
+    let (bodies, _, grids, terms) = forced_flight(3);
+    let refused = BatchError::Length { argument: "forces", expected: 3, found: 2 };
+    let runs = ForcedRuns::try_new(&bodies, &grids, &terms).unwrap();
+    assert_eq!(runs.with_forces(&[&[], &[]]).err(), Some(refused.clone()));
+    let settings = Adaptive::with_tolerances(1e-6, 1e-6);
+    let runs = AdaptedRuns::try_new(&bodies, (0.0, 1.0), settings, &terms).unwrap();
+    assert_eq!(runs.with_forces(&[&[], &[]]).err(), Some(refused));
 }

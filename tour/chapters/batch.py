@@ -72,9 +72,9 @@ def write(page: Page, measurements: Measurements) -> None:
         f" {error_size(distance)} at most.",
     )
     page.text(
-        "Bodies under built-in forces share vector instructions too. A force written in Python would keep the"
+        "Bodies under forces share vector instructions too. A force written in Python would keep the"
         " cores waiting for the interpreter: <code>forces.traced</code> calls it once and evaluates what it"
-        " did, one body at a time on each core. Copies of a tree share vector instructions again, under"
+        " did, for eight bodies at a time on each core. Copies of a tree share vector instructions, under"
         " torques that are held for a step (<code>multibody.rollout</code>).",
     )
     rows = [(words(name), f"{rate:,.0f}", error_size(distance)) for name, rate, distance in forced]

@@ -2,7 +2,7 @@
 
 use crate::error::ExprError;
 use crate::lanes::{self, LANES, Lanes};
-use crate::tape::{Code, Tape};
+use crate::tape::{Code, Instruction, Tape};
 use rayon::prelude::*;
 use somersault_core::argument::{ArgumentError, expect_length};
 use somersault_core::cancel::CancellationToken;
@@ -77,6 +77,35 @@ impl Evaluator {
             self.group(&inputs[start * n..end * n], &mut outputs[start * m..end * m], end - start);
         }
         Ok(())
+    }
+
+    /// The outputs at [`LANES`] points, each number of all of them side by side: those of [`Evaluator::evaluate_many`].
+    pub fn evaluate_lanes(
+        &mut self,
+        inputs: &[[f64; LANES]],
+        outputs: &mut [[f64; LANES]],
+    ) -> Result<(), ArgumentError> {
+        expect_length("inputs", inputs.len(), self.tape.n_inputs)?;
+        expect_length("outputs", outputs.len(), self.tape.n_outputs)?;
+        self.prepare();
+        let (tape, registers) = (&*self.tape, &mut self.lanes[..]);
+        let first = tape.first_input();
+        registers[first..first + tape.n_inputs].copy_from_slice(inputs);
+        pulp::Arch::new().dispatch(Group { tape, registers });
+        let first = tape.first_output();
+        outputs.copy_from_slice(&registers[first..first + tape.n_outputs]);
+        for &(from, output) in &tape.copies {
+            outputs[output as usize] = registers[from as usize];
+        }
+        Ok(())
+    }
+
+    /// Whether an input is read at all.
+    pub fn reads(&self, input: usize) -> bool {
+        let register = self.tape.first_input() + input;
+        let is_read = |instruction: &Instruction| instruction.registers().contains(&register);
+        let is_copied = |(from, _): &(u32, u32)| *from as usize == register;
+        self.tape.instructions.iter().any(is_read) || self.tape.copies.iter().any(is_copied)
     }
 
     /// The same on the threads of the current pool, where there is enough to do: each has memory of its own, which is allocated

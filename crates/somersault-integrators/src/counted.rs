@@ -1,7 +1,7 @@
 //! Counts of evaluations.
 
 use crate::body::RigidBody;
-use crate::force::{ForceModel, Reach, Wrench, WrenchBound};
+use crate::force::{ForceModel, Reach, StatesInLanes, Wrench, WrenchBound, WrenchesInLanes};
 use crate::partials::Partials;
 use crate::series::WrenchTerm;
 use crate::state::{RigidBodyState, State, Twist};
@@ -144,5 +144,9 @@ impl<F: ForceModel> ForceModel for Counted<F> {
     fn add_terms(&self, body: &RigidBody, terms: &mut Vec<WrenchTerm>) -> bool {
         self.count();
         self.inner.add_terms(body, terms)
+    }
+    fn add_in_lanes(&self, on: &StatesInLanes<'_>, sums: &mut WrenchesInLanes) {
+        on.bodies().iter().for_each(|_| self.count());
+        self.inner.add_in_lanes(on, sums);
     }
 }

@@ -32,7 +32,7 @@ use crate::dense::Interpolant;
 use crate::driver::{Flow, Observer, Step};
 use crate::engine::Interior;
 use crate::error::IntegrateError;
-use crate::force::{ForceModel, Reach, Wrench, WrenchBound};
+use crate::force::{ForceModel, Reach, StatesInLanes, Wrench, WrenchBound, WrenchesInLanes, add_one_by_one};
 use crate::partials::Partials;
 use crate::series::WrenchTerm;
 use crate::state::{Configuration, Pose, Rate, RigidBodyState, State, Twist};
@@ -71,6 +71,9 @@ impl<F: ForceModel> ForceModel for TimeReversed<F> {
         let has_terms = self.0.add_terms(body, terms);
         terms[before..].iter_mut().for_each(|term| *term = term.reversed());
         has_terms
+    }
+    fn add_in_lanes(&self, on: &StatesInLanes<'_>, sums: &mut WrenchesInLanes) {
+        add_one_by_one(self, on, sums);
     }
     fn wrench_variation(
         &self,

@@ -17,7 +17,7 @@
 //! Spacecraft Attitude Determination and Control*, Springer 2014, §3.3.
 
 use crate::body::RigidBody;
-use crate::force::{ForceModel, Reach, Wrench, WrenchBound};
+use crate::force::{ForceModel, Reach, StatesInLanes, Wrench, WrenchBound, WrenchesInLanes, add_by_times};
 use crate::orbit::Orbit;
 use crate::series::WrenchTerm;
 use crate::state::{RigidBodyState, Twist};
@@ -43,6 +43,11 @@ impl GravityGradient {
     }
 }
 
+/// The torque of such a pull.
+fn gradient((r, factor): &(Vector3<f64>, f64), body: &RigidBody, x: &RigidBodyState) -> Wrench {
+    Wrench { force: Vector3::zeros(), torque: r.cross(&in_world(body, x, r)) * *factor }
+}
+
 /// I_w r for a direction in the world.
 fn in_world(body: &RigidBody, x: &RigidBodyState, direction: &Vector3<f64>) -> Vector3<f64> {
     let turned = x.orientation().inverse_transform_vector(direction);
@@ -51,8 +56,10 @@ fn in_world(body: &RigidBody, x: &RigidBodyState, direction: &Vector3<f64>) -> V
 
 impl ForceModel for GravityGradient {
     fn wrench(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
-        let (r, factor) = self.pull(t);
-        Wrench { force: Vector3::zeros(), torque: r.cross(&in_world(body, x, &r)) * factor }
+        gradient(&self.pull(t), body, x)
+    }
+    fn add_in_lanes(&self, on: &StatesInLanes<'_>, sums: &mut WrenchesInLanes) {
+        add_by_times(on, sums, |t| self.pull(t), gradient);
     }
     fn depends_on_velocity(&self) -> bool {
         false
@@ -118,10 +125,18 @@ pub struct MagneticDipole {
     pub field: Field,
 }
 
+impl MagneticDipole {
+    fn torque(&self, field: &Vector3<f64>, x: &RigidBodyState) -> Wrench {
+        Wrench { force: Vector3::zeros(), torque: (x.orientation() * self.moment).cross(field) }
+    }
+}
+
 impl ForceModel for MagneticDipole {
     fn wrench(&self, t: f64, _: &RigidBody, x: &RigidBodyState) -> Wrench {
-        let torque = (x.orientation() * self.moment).cross(&self.field.at(t));
-        Wrench { force: Vector3::zeros(), torque }
+        self.torque(&self.field.at(t), x)
+    }
+    fn add_in_lanes(&self, on: &StatesInLanes<'_>, sums: &mut WrenchesInLanes) {
+        add_by_times(on, sums, |t| self.field.at(t), |field, _, x| self.torque(field, x));
     }
     fn depends_on_velocity(&self) -> bool {
         false
@@ -278,16 +293,23 @@ impl AerodynamicDrag {
     pub fn coefficient(&self) -> f64 {
         self.coefficient
     }
+
+    /// The drag at a velocity of the satellite.
+    fn at_velocity(&self, velocity: &Vector3<f64>, x: &RigidBodyState) -> Wrench {
+        let speed = velocity.norm();
+        let pressure = 0.5 * self.density * self.coefficient * speed;
+        on_plates(&self.plates, x, |plate, normal| {
+            velocity * (-pressure * plate.area * (normal.dot(velocity) / speed).max(0.0))
+        })
+    }
 }
 
 impl ForceModel for AerodynamicDrag {
     fn wrench(&self, t: f64, _: &RigidBody, x: &RigidBodyState) -> Wrench {
-        let (_, velocity) = self.orbit.at(t);
-        let speed = velocity.norm();
-        let pressure = 0.5 * self.density * self.coefficient * speed;
-        on_plates(&self.plates, x, |plate, normal| {
-            velocity * (-pressure * plate.area * (normal.dot(&velocity) / speed).max(0.0))
-        })
+        self.at_velocity(&self.orbit.at(t).1, x)
+    }
+    fn add_in_lanes(&self, on: &StatesInLanes<'_>, sums: &mut WrenchesInLanes) {
+        add_by_times(on, sums, |t| self.orbit.at(t).1, |velocity, _, x| self.at_velocity(velocity, x));
     }
     fn depends_on_velocity(&self) -> bool {
         false

@@ -44,8 +44,10 @@ struct Entries([f64; WIDEST]);
 type Slope = [[Entries; 3]; 4];
 
 /// Bodies of a tile, and what their adapted steps need.
-pub(super) struct AdaptedTile {
-    pub(super) bodies: Moving,
+pub(super) struct AdaptedTile<'a> {
+    pub(super) bodies: Moving<'a>,
+    /// When each body is where it is.
+    pub(super) t: Row,
     /// The step of each body that is tried next, and where it led.
     pub(super) h: Row,
     next: States,
@@ -55,12 +57,13 @@ pub(super) struct AdaptedTile {
     slopes: [Slope; STAGES],
 }
 
-impl AdaptedTile {
+impl<'a> AdaptedTile<'a> {
     /// A tile of bodies whose steps are of no size.
-    pub(super) fn new(bodies: Moving, tolerances: Tolerances) -> Self {
+    pub(super) fn new(bodies: Moving<'a>, tolerances: Tolerances) -> Self {
         let row = Row([0.0; TILE]);
         Self {
             bodies,
+            t: row,
             h: row,
             next: States::new(),
             errors: [row; 2],
@@ -84,21 +87,22 @@ impl AdaptedTile {
 }
 
 /// A step of each body of a tile, tried.
-impl Kernel for &mut AdaptedTile {
+impl Kernel for &mut AdaptedTile<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run<L: Lanes>(self, l: L) {
-        let AdaptedTile { bodies, h, next, errors, tolerances, slopes } = self;
+        let AdaptedTile { bodies, t, h, next, errors, tolerances, slopes } = self;
         let (tableau, weights) = Tableau::dop853();
         let unit = l.splat(1.0);
         for at in (0..TILE).step_by(L::WIDTH) {
-            let (x, h) = (bodies.states.load(l, at), one(l, h, at));
+            let (x, t, h) = (bodies.states.load(l, at), one(l, t, at), one(l, h, at));
             for i in 0..STAGES {
                 let moves = sums(l, tableau.row(i), slopes, h);
                 let (stage, [c, s]) = displaced(l, &x, moves);
                 let u = moves[0];
-                let [acceleration, spin_up] = bodies.accelerations(l, at, &stage);
+                let now = l.mul_add(h, l.splat(tableau.node(i)), t);
+                let [acceleration, spin_up] = bodies.accelerations(l, at, now, &stage);
                 // θ/2 cot θ/2 = c/s
                 let square = dot(l, u, u);
                 let closed = l.div(l.sub(unit, l.div(c, s)), square);

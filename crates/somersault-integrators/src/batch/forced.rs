@@ -15,19 +15,22 @@
 //!
 //! Bodies of a tile may be under different terms: each kind of term has a row of coefficients, zero for the bodies that have none of it.
 //! Terms along the way s from one centre to one point of a body are one tie, F = (Σ cₙ |s|⁻ⁿ + (s · ṡ) Σ dₙ |s|⁻ⁿ) s, n ≤ 3.
+//! Forces that are no sums of terms are evaluated by [`ForceModel::add_in_lanes`](crate::force::ForceModel::add_in_lanes), of neighbours together where they are the same.
 //!
 //! # Cost
 //!
 //! 4 evaluations, 4 exponentials and 4 products of quaternions; of an evaluation a tie off the centre costs 100 operations, one at the
 //! centre 40.
 
+use super::Forces;
 use super::free::{Row, TILE, advance, cross, exp, load, product, renormalise, select, store, sum};
 use crate::body::RigidBody;
+use crate::force::{StatesInLanes, WrenchesInLanes};
 use crate::series::WrenchTerm;
 use crate::state::RigidBodyState;
 use crate::tableau::RUNGE_KUTTA_4;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
-use somersault_core::lanes::{Kernel, Lanes};
+use somersault_core::lanes::{Kernel, Lanes, WIDEST};
 
 const ZERO: Row = Row([0.0; TILE]);
 /// The centre of a tie that a body does not have, m: far from all that it has, and its cube is finite.
@@ -246,30 +249,99 @@ impl States {
     }
 }
 
-/// Up to [`TILE`] bodies in their states under their terms.
-pub(super) struct Moving {
+/// Forces on the bodies of a tile that are no sums of terms.
+struct Others<'a> {
+    bodies: Vec<&'a RigidBody>,
+    /// On each of them.
+    forces: Vec<Forces<'a>>,
+    /// Whether there is any.
+    are_there: bool,
+    /// The rotation from the frame of each body to its principal frame: unit quaternions, real part first.
+    to_principal: [Row; 4],
+}
+
+impl Others<'_> {
+    /// Force in world axes and torque in the principal frame of the bodies `at..at + WIDTH` at a stage and at times.
+    #[inline(always)]
+    fn wrench<L: Lanes>(&self, l: L, at: usize, t: L::Vector, x: &Stage<L>) -> [[L::Vector; 3]; 2] {
+        let axes = rotation(l, x.q);
+        let [w, i, j, k] = product(l, x.q, load(l, &self.to_principal, at));
+        let spin = apply(l, &axes, x.omega);
+        let bodies = self.bodies.get(at..).unwrap_or_default();
+        let mut on = StatesInLanes::new(&bodies[..bodies.len().min(L::WIDTH)]);
+        l.store(t, &mut on.times[..L::WIDTH]);
+        put(l, x.r, &mut on.position);
+        put(l, [i, j, k, w], &mut on.orientation);
+        put(l, x.v, &mut on.velocity);
+        put(l, spin, &mut on.angular_velocity);
+        let mut sums = WrenchesInLanes::default();
+        self.add(at, &on, &mut sums);
+        [taken(l, &sums.force), apply_transposed(l, &axes, taken(l, &sums.torque))]
+    }
+
+    /// Adds what acts on the bodies from `at` on.
+    fn add(&self, at: usize, on: &StatesInLanes<'_>, sums: &mut WrenchesInLanes) {
+        let forces = &self.forces[at.min(self.forces.len())..];
+        let forces = &forces[..on.bodies().len()];
+        let Some((first, others)) = forces.split_first() else { return };
+        if others.iter().all(|forces| std::ptr::eq(*forces, *first)) {
+            first.iter().for_each(|force| force.add_in_lanes(on, sums));
+            return;
+        }
+        for (lane, forces) in forces.iter().enumerate() {
+            let (alone, mut sum) = (on.alone(lane), WrenchesInLanes::default());
+            forces.iter().for_each(|force| force.add_in_lanes(&alone, &mut sum));
+            sums.add(lane, &sum.wrench(0));
+        }
+    }
+}
+
+#[inline(always)]
+fn put<L: Lanes, const N: usize>(l: L, x: [L::Vector; N], rows: &mut [[f64; WIDEST]; N]) {
+    for i in 0..N {
+        l.store(x[i], &mut rows[i][..L::WIDTH]);
+    }
+}
+
+#[inline(always)]
+fn taken<L: Lanes>(l: L, rows: &[[f64; WIDEST]; 3]) -> [L::Vector; 3] {
+    [l.load(&rows[0]), l.load(&rows[1]), l.load(&rows[2])]
+}
+
+/// Up to [`TILE`] bodies in their states under their terms and other forces.
+pub(super) struct Moving<'a> {
     pub(super) states: States,
     terms: Terms,
+    others: Others<'a>,
     /// (I₂ − I₃)/I₁ and cyclic, 1/I₁ and so on, 1/m.
     gyration: [Row; 3],
     inverse_moments: [Row; 3],
     inverse_mass: Row,
 }
 
-impl Moving {
+impl<'a> Moving<'a> {
     /// No bodies.
     pub(super) fn new() -> Self {
+        let unit = [Row([1.0; TILE]), ZERO, ZERO, ZERO];
         Self {
             states: States::new(),
             terms: Terms::default(),
+            others: Others { bodies: Vec::new(), forces: Vec::new(), are_there: false, to_principal: unit },
             gyration: [ZERO; 3],
             inverse_moments: [ZERO; 3],
             inverse_mass: ZERO,
         }
     }
 
-    /// Puts a body in a state under terms into entry `at`, which is empty.
-    pub(super) fn set(&mut self, at: usize, body: &RigidBody, x: &RigidBodyState, terms: &[WrenchTerm]) {
+    /// Puts a body in a state under terms and other forces into the next entry.
+    pub(super) fn add(
+        &mut self,
+        body: &'a RigidBody,
+        x: &RigidBodyState,
+        terms: &[WrenchTerm],
+        forces: Forces<'a>,
+    ) {
+        let at = self.others.bodies.len();
         let (moments, axes) = (body.inertia().principal_moments(), body.inertia().principal_axes());
         for i in 0..3 {
             self.gyration[i].0[at] = (moments[(i + 1) % 3] - moments[(i + 2) % 3]) / moments[i];
@@ -284,6 +356,14 @@ impl Moving {
             row.0[at] = x;
         }
         self.terms.add(at, axes, terms);
+        let to_principal = axes.inverse();
+        let parts = [to_principal.w, to_principal.i, to_principal.j, to_principal.k];
+        for (row, x) in self.others.to_principal.iter_mut().zip(parts) {
+            row.0[at] = x;
+        }
+        self.others.bodies.push(body);
+        self.others.forces.push(forces);
+        self.others.are_there |= !forces.is_empty();
     }
 
     /// The state of the body in entry `at`.
@@ -300,10 +380,21 @@ impl Moving {
         )
     }
 
-    /// Acceleration in world axes and angular acceleration in the principal frame of the bodies `at..at + WIDTH` at a stage.
+    /// Acceleration in world axes and angular acceleration in the principal frame of the bodies `at..at + WIDTH` at a stage and at times.
     #[inline(always)]
-    pub(super) fn accelerations<L: Lanes>(&self, l: L, at: usize, x: &Stage<L>) -> [[L::Vector; 3]; 2] {
-        let [force, torque] = wrench(l, &self.terms, at, x);
+    pub(super) fn accelerations<L: Lanes>(
+        &self,
+        l: L,
+        at: usize,
+        t: L::Vector,
+        x: &Stage<L>,
+    ) -> [[L::Vector; 3]; 2] {
+        let [mut force, mut torque] = wrench(l, &self.terms, at, x);
+        if self.others.are_there {
+            let of_others = self.others.wrench(l, at, t, x);
+            force = sum(l, force, of_others[0]);
+            torque = sum(l, torque, of_others[1]);
+        }
         let [a, b, c] = x.omega;
         let products = [l.mul(b, c), l.mul(c, a), l.mul(a, b)];
         let inverse_moments = load(l, &self.inverse_moments, at);
@@ -314,18 +405,19 @@ impl Moving {
 }
 
 /// Bodies of a tile, and what their fixed steps need. Entries that no body fills have no steps.
-pub(super) struct ForcedTile {
-    pub(super) bodies: Moving,
-    /// The step of each body, and how many it makes.
+pub(super) struct ForcedTile<'a> {
+    pub(super) bodies: Moving<'a>,
+    /// When each body begins, its step, and how many it makes.
+    t: Row,
     h: Row,
     steps: Row,
     most_steps: u64,
 }
 
-impl ForcedTile {
+impl<'a> ForcedTile<'a> {
     /// A tile of bodies that are held.
-    pub(super) fn new(bodies: Moving) -> Self {
-        Self { bodies, h: ZERO, steps: ZERO, most_steps: 0 }
+    pub(super) fn new(bodies: Moving<'a>) -> Self {
+        Self { bodies, t: ZERO, h: ZERO, steps: ZERO, most_steps: 0 }
     }
 
     /// Holds all bodies.
@@ -333,8 +425,9 @@ impl ForcedTile {
         (self.steps, self.most_steps) = (ZERO, 0);
     }
 
-    /// Says how many steps of which size the body in entry `at` makes next.
-    pub(super) fn take(&mut self, at: usize, h: f64, steps: u64) {
+    /// Says how many steps of which size the body in entry `at` makes next, from a time on.
+    pub(super) fn take(&mut self, at: usize, t: f64, h: f64, steps: u64) {
+        self.t.0[at] = t;
         self.h.0[at] = h;
         self.steps.0[at] = steps as f64;
         self.most_steps = self.most_steps.max(steps);
@@ -342,7 +435,7 @@ impl ForcedTile {
 }
 
 /// All steps of all bodies of a tile.
-impl Kernel for &mut ForcedTile {
+impl Kernel for &mut ForcedTile<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -352,7 +445,9 @@ impl Kernel for &mut ForcedTile {
             for at in (0..TILE).step_by(L::WIDTH) {
                 let moves = lanes.less(done, one(lanes, &self.steps, at));
                 let x = self.bodies.states.load(lanes, at);
-                let next = step(lanes, &self.bodies, at, &x, one(lanes, &self.h, at));
+                let h = one(lanes, &self.h, at);
+                let t = lanes.mul_add(done, h, one(lanes, &self.t, at));
+                let next = step(lanes, &self.bodies, at, t, &x, h);
                 let kept = Stage {
                     r: select(lanes, moves, next.r, x.r),
                     v: select(lanes, moves, next.v, x.v),
@@ -500,9 +595,16 @@ fn horner<L: Lanes>(l: L, strengths: &[Row; POWERS], at: usize, x: L::Vector) ->
     y
 }
 
-/// One step of h of the bodies `at..at + WIDTH`, which are at x.
+/// One step of h of the bodies `at..at + WIDTH`, which are at x at the times t.
 #[inline(always)]
-fn step<L: Lanes>(l: L, bodies: &Moving, at: usize, x: &Stage<L>, h: L::Vector) -> Stage<L> {
+fn step<L: Lanes>(
+    l: L,
+    bodies: &Moving<'_>,
+    at: usize,
+    t: L::Vector,
+    x: &Stage<L>,
+    h: L::Vector,
+) -> Stage<L> {
     let zero = [l.splat(0.0); 3];
     // Sums of velocities, accelerations and their turning counterparts, by the weights of the stages.
     let [mut way, mut gain, mut turn, mut spin_gain] = [zero; 4];
@@ -522,7 +624,8 @@ fn step<L: Lanes>(l: L, bodies: &Moving, at: usize, x: &Stage<L>, h: L::Vector) 
             let q = product(l, x.q, exp(l, scaled(l, half_angle, displacement)));
             stage = Stage { r, v, q, omega: moved(l, node, spin_up, x.omega) };
         }
-        [acceleration, spin_up] = bodies.accelerations(l, at, &stage);
+        let now = l.mul_add(h, l.splat(RUNGE_KUTTA_4.nodes[i]), t);
+        [acceleration, spin_up] = bodies.accelerations(l, at, now, &stage);
         let weight = l.splat(*weight);
         way = moved(l, weight, stage.v, way);
         gain = moved(l, weight, acceleration, gain);

@@ -5,7 +5,7 @@
 //! | Type | Systems | Method |
 //! |---|---|---|
 //! | [`FreeRuns`] | bodies, free or under uniform gravity | Runge–Kutta–Munthe-Kaas of order 4 in the body frame, vectorised, and the parabola of the centre of mass |
-//! | [`ForcedRuns`] | bodies under sums of [`WrenchTerm`]s: constant and central forces, springs, drag, torques, planes | the same with all stages, vectorised |
+//! | [`ForcedRuns`] | bodies under sums of [`WrenchTerm`]s (constant and central forces, springs, drag, torques, planes) and other forces | the same with all stages, vectorised |
 //! | [`AdaptedRuns`] | the same, by adapted steps | Runge–Kutta–Munthe-Kaas of order 8 in the body frame, vectorised |
 //! | [`Runs`] | any | any of the table, one [`Run`] at a time on each core |
 //! | [`FreeBodyBatch`] | free bodies, rotation only | the vectorised kernel under the first |
@@ -58,6 +58,17 @@ use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 use somersault_core::cancel::CancellationToken;
 use std::cmp::Reverse;
+use std::fmt;
+
+/// Forces on a body that are no sums of [`WrenchTerm`]s. Bodies that have the same slice, neighbours in a tile, are given to a force
+/// together ([`ForceModel::add_in_lanes`]).
+pub type Forces<'a> = &'a [&'a (dyn ForceModel + Sync)];
+
+impl fmt::Debug for dyn ForceModel + Sync + '_ {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a force model")
+    }
+}
 
 /// Steps that the bodies of a tile make between two looks at a token: some hundredths of a second.
 const STEPS_PER_LOOK: u64 = 1 << 15;
@@ -217,7 +228,7 @@ impl<'a> FreeRuns<'a> {
     }
 }
 
-/// Runs of bodies under forces that are sums of terms, each over a grid of its own.
+/// Runs of bodies under forces, each over a grid of its own.
 ///
 /// The method is `rkmk_b` of the table ([`Method::RkmkB`]) in principal axes, order 4 on ℝ³ and on SO(3): the results of the two differ by
 /// rounding.
@@ -243,6 +254,7 @@ pub struct ForcedRuns<'a> {
     bodies: &'a [RigidBody],
     grids: &'a [TimeGrid],
     terms: &'a [Vec<WrenchTerm>],
+    forces: &'a [Forces<'a>],
 }
 
 impl<'a> ForcedRuns<'a> {
@@ -256,7 +268,15 @@ impl<'a> ForcedRuns<'a> {
     ) -> Result<Self, BatchError> {
         check_length("grids", bodies.len(), grids.len())?;
         check_terms(bodies, terms)?;
-        Ok(Self { bodies, grids, terms })
+        Ok(Self { bodies, grids, terms, forces: &[] })
+    }
+
+    /// The same with other forces on each body beside its terms.
+    ///
+    /// Errors: a slice of another length.
+    pub fn with_forces(self, forces: &'a [Forces<'a>]) -> Result<Self, BatchError> {
+        check_length("forces", self.bodies.len(), forces.len())?;
+        Ok(Self { forces, ..self })
     }
 
     /// Runs from a state of each body to the end of its grid.
@@ -283,7 +303,7 @@ impl<'a> ForcedRuns<'a> {
         states: &mut [RigidBodyState],
         token: &CancellationToken,
     ) -> Result<(), BatchError> {
-        let Self { bodies, grids, terms } = self;
+        let Self { bodies, grids, terms, forces } = self;
         advance_by_tiles(
             bodies,
             grids,
@@ -292,18 +312,20 @@ impl<'a> ForcedRuns<'a> {
             || (),
             |(), order, states| {
                 let mut moving = Moving::new();
-                for (at, (&i, x)) in order.iter().zip(&*states).enumerate() {
-                    moving.set(at, &bodies[i], x, &terms[i]);
+                for (&i, x) in order.iter().zip(&*states) {
+                    moving.add(&bodies[i], x, &terms[i], others(forces, i));
                 }
                 let mut tile = ForcedTile::new(moving);
+                let mut made = [0; TILE];
                 let whole = |i: usize| (grids[i].dt(), grids[i].full_steps());
                 let rest = |i: usize| (last_step(&grids[i]), 1);
                 for of in [&whole as &dyn Fn(usize) -> (f64, u64), &rest] {
                     in_parts(order.iter().map(|&i| of(i)), token, |next| {
                         tile.hold();
-                        for (at, &(h, steps)) in next.iter().enumerate().filter(|(_, (_, steps))| *steps > 0)
-                        {
-                            tile.take(at, h, steps);
+                        let moving = order.iter().zip(next).enumerate();
+                        for (at, (&i, &(h, steps))) in moving.filter(|(_, (_, (_, steps)))| *steps > 0) {
+                            tile.take(at, grids[i].time(made[at]), h, steps);
+                            made[at] += steps;
                         }
                         instructions.run(&mut tile);
                     });
@@ -316,7 +338,7 @@ impl<'a> ForcedRuns<'a> {
     }
 }
 
-/// Runs of bodies under forces that are sums of terms, with steps that are adapted for each body by itself.
+/// Runs of bodies under forces, with steps that are adapted for each body by itself.
 ///
 /// The method is `rkmk8_b` of the table ([`Method::Rkmk8B`]) in principal axes, its estimate of the error and its control of the steps.
 ///
@@ -346,6 +368,7 @@ pub struct AdaptedRuns<'a> {
     interval: (f64, f64),
     settings: Adaptive,
     terms: &'a [Vec<WrenchTerm>],
+    forces: &'a [Forces<'a>],
 }
 
 impl<'a> AdaptedRuns<'a> {
@@ -362,7 +385,15 @@ impl<'a> AdaptedRuns<'a> {
         check_interval(interval.0, interval.1)
             .map_err(|source| BatchError::Integrate { index: 0, source })?;
         check_terms(bodies, terms)?;
-        Ok(Self { bodies, interval, settings, terms })
+        Ok(Self { bodies, interval, settings, terms, forces: &[] })
+    }
+
+    /// The same with other forces on each body beside its terms.
+    ///
+    /// Errors: a slice of another length.
+    pub fn with_forces(self, forces: &'a [Forces<'a>]) -> Result<Self, BatchError> {
+        check_length("forces", self.bodies.len(), forces.len())?;
+        Ok(Self { forces, ..self })
     }
 
     /// The states of each body at times within the interval, each after the one before. A step ends at each of them; the next has the size
@@ -410,19 +441,25 @@ impl<'a> AdaptedRuns<'a> {
         t_eval: &[f64],
         token: &CancellationToken,
     ) -> Vec<Result<Vec<RigidBodyState>, IntegrateError>> {
-        let Self { bodies, interval: (start, _), settings, terms } = self;
+        let Self { bodies, interval: (start, _), settings, terms, forces } = self;
         let mut moving = Moving::new();
-        for (at, &i) in members.iter().enumerate() {
-            moving.set(at, &bodies[i], &states[i], &terms[i]);
+        for &i in members {
+            moving.add(&bodies[i], &states[i], &terms[i], others(forces, i));
         }
         let mut tile = AdaptedTile::new(moving, settings.tolerances);
-        let began = |&i: &usize| OneRun::try_new(&bodies[i], &states[i], &terms[i], *start, settings, t_eval);
+        let began = |&i: &usize| {
+            let force = ForceOnBody { terms: &terms[i], others: others(forces, i) };
+            OneRun::try_new(&bodies[i], &states[i], force, *start, settings, t_eval)
+        };
         let mut runs: Vec<_> = members.iter().map(began).collect();
         while !token.is_cancelled() {
             let mut are_done = true;
             for (at, run) in runs.iter_mut().enumerate() {
                 let h = match run {
-                    Ok(run) => run.propose(t_eval),
+                    Ok(run) => {
+                        tile.t.0[at] = run.t;
+                        run.propose(t_eval)
+                    }
                     Err(_) => continue,
                 };
                 match h {
@@ -469,13 +506,13 @@ impl OneRun {
     fn try_new(
         body: &RigidBody,
         x: &RigidBodyState,
-        terms: &[WrenchTerm],
+        force: ForceOnBody<'_>,
         t: f64,
         settings: &Adaptive,
         t_eval: &[f64],
     ) -> Result<Self, IntegrateError> {
         check_state(x)?;
-        let system = RigidBodySystem::new(*body, SumOfTerms(terms));
+        let system = RigidBodySystem::new(*body, force);
         let control =
             StepSizeControl::try_new(settings, &RungeKuttaMuntheKaas::<Dop853>::INFO, &system, t, x)?;
         let mut run = Self { t, t_after: t, control, kept: Vec::with_capacity(t_eval.len()) };
@@ -508,13 +545,22 @@ impl OneRun {
     }
 }
 
-/// A force that is a sum of terms.
-struct SumOfTerms<'a>(&'a [WrenchTerm]);
+/// All that acts on a body.
+struct ForceOnBody<'a> {
+    terms: &'a [WrenchTerm],
+    others: Forces<'a>,
+}
 
-impl ForceModel for SumOfTerms<'_> {
-    fn wrench(&self, _: f64, _: &RigidBody, x: &RigidBodyState) -> Wrench {
-        self.0.iter().fold(Wrench::default(), |sum, term| sum + term.wrench(x))
+impl ForceModel for ForceOnBody<'_> {
+    fn wrench(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
+        let of_terms = self.terms.iter().fold(Wrench::default(), |sum, term| sum + term.wrench(x));
+        self.others.iter().fold(of_terms, |sum, force| sum + force.wrench(t, body, x))
     }
+}
+
+/// The forces on a body beside its terms: none, where they were not given.
+fn others<'a>(forces: &[Forces<'a>], i: usize) -> Forces<'a> {
+    forces.get(i).copied().unwrap_or_default()
 }
 
 /// What a grid has left after its full steps.

@@ -1,6 +1,8 @@
 //! A torque that is given in time.
 
-use super::{ConstantTorque, ForceModel, Reach, Wrench, WrenchBound};
+use super::{
+    ConstantTorque, ForceModel, Reach, StatesInLanes, Wrench, WrenchBound, WrenchesInLanes, add_by_times,
+};
 use crate::body::RigidBody;
 use crate::rotors::LinearSchedule;
 use crate::state::{RigidBodyState, Twist};
@@ -30,6 +32,9 @@ impl ForceModel for ScheduledTorque {
     #[inline]
     fn wrench(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
         self.at(t).wrench(t, body, x)
+    }
+    fn add_in_lanes(&self, on: &StatesInLanes<'_>, sums: &mut WrenchesInLanes) {
+        add_by_times(on, sums, |t| self.at(t), |torque, body, x| torque.wrench(0.0, body, x));
     }
     fn depends_on_velocity(&self) -> bool {
         false

@@ -9,13 +9,13 @@ use crate::core::error::Error;
 use crate::core::memory::expect_room;
 use crate::core::waiting::cancel_on_signal;
 use crate::integrators::bodies::{RigidBody, State};
-use crate::integrators::forces::models::Reader;
+use crate::integrators::forces::models::{Acting, Reader, Shared};
 use crate::integrators::methods;
 use crate::integrators::plan::StepArguments;
 use crate::integrators::trajectory::{Cast, Trajectory};
 use pyo3::prelude::*;
 use somersault::core::cancel::CancellationToken;
-use somersault::integrators::batch::{AdaptedRuns, BatchError, ForcedRuns, FreeRuns, Runs};
+use somersault::integrators::batch::{AdaptedRuns, BatchError, ForcedRuns, Forces, FreeRuns, Runs};
 use somersault::integrators::body;
 use somersault::integrators::counted::Counted;
 use somersault::integrators::driver::{Adaptive, IntegrateError, Steps, TimeGrid, check_interval};
@@ -26,14 +26,17 @@ use somersault::integrators::series::WrenchTerm;
 use somersault::integrators::solution::check_times;
 use somersault::integrators::state::{Pose, RigidBodyState};
 use somersault::integrators::system::{RigidBodySystem, RigidSystem};
+use std::collections::HashMap;
+use std::sync::Arc;
 
 /// Motion of many rigid bodies that do not interact, in parallel.
 ///
 /// With fixed steps of ``"rkmk_b"`` and adapted ones of ``"rkmk8_b"``, which are those where `method` is left out, bodies move several at a time
-/// in the vector registers of each core, if they are free or all their forces are of these: `Gravity`, `CentralGravity`, `Force`, `Torque`,
-/// `Drag`, `Spring`, and `MagneticDipole` in a uniform field. The result does not depend, to the last bit, on the processor, the number of
-/// threads or which bodies go together. With fixed steps the centre of mass of bodies without `forces` moves exactly. All others move one at
-/// a time on each core, as `integrate` moves them alone.
+/// in the vector registers of each core, unless Python computes a force of theirs. Quickest are `Gravity`, `CentralGravity`, `Force`,
+/// `Torque`, `Drag`, `Spring`, and `MagneticDipole` in a uniform field; a traced force, or one that depends on time, is evaluated for several
+/// bodies at once where they are given the same object. The result does not depend, to the last bit, on the number of threads or which bodies
+/// go together, nor on the processor, except by sines, cosines, exponentials and logarithms of traced forces. With fixed steps the centre of
+/// mass of bodies without `forces` moves exactly. All others move one at a time on each core, as `integrate` moves them alone.
 ///
 /// Parameters
 /// ----------
@@ -248,6 +251,47 @@ struct Batch {
     gravity: Gravity,
 }
 
+/// Bodies under forces that move several at a time.
+#[derive(Default)]
+struct Forced {
+    members: Vec<usize>,
+    /// Of each of them: the terms of its forces and of its weight, and which list holds the forces that are no sums of terms.
+    terms: Vec<Vec<WrenchTerm>>,
+    list_of: Vec<usize>,
+    /// Lists of different forces, and where each is, by the addresses of the models.
+    lists: Vec<Vec<Shared>>,
+    places: HashMap<Vec<usize>, usize>,
+}
+
+impl Forced {
+    fn add(&mut self, i: usize, body: &body::RigidBody, gravity: &Gravity, acting: Vec<Acting>) {
+        let (mut terms, mut list) = (Vec::new(), Vec::new());
+        gravity.add_terms(body, &mut terms);
+        for force in acting {
+            let known = terms.len();
+            match force {
+                Acting::Model(model) if !model.add_terms(body, &mut terms) => {
+                    terms.truncate(known);
+                    list.push(model);
+                }
+                Acting::Model(_) | Acting::Callable(_) => {}
+            }
+        }
+        let addresses = list.iter().map(|model| Arc::as_ptr(model.model()).addr()).collect();
+        let place = *self.places.entry(addresses).or_insert(self.lists.len());
+        if place == self.lists.len() {
+            self.lists.push(list);
+        }
+        self.members.push(i);
+        self.terms.push(terms);
+        self.list_of.push(place);
+    }
+}
+
+fn as_model(model: &Shared) -> &(dyn ForceModel + Sync) {
+    &**model.model()
+}
+
 /// What is asked of a batch in arguments that not all ways to move take.
 struct Asked<'a, 'py> {
     dt: Option<&'a Bound<'py, PyAny>>,
@@ -266,12 +310,12 @@ impl Batch {
         let dt = asked.dt.map(|dt| numbers_or_one("dt", n, dt)).transpose()?;
         let forces = asked.forces.filter(|forces| !forces.is_none());
         let failure = Failure::default();
-        let models = match forces {
+        let acting: Vec<Vec<Acting>> = match forces {
             Some(forces) => {
                 let mut reader = Reader { failure: failure.clone(), calls_python: false };
-                let models = reader.for_each("forces", &self.bodies, forces)?;
-                expect_length("forces", n, models.len())?;
-                models
+                let acting = reader.each("forces", &self.bodies, forces)?;
+                expect_length("forces", n, acting.len())?;
+                acting
             }
             None => self.bodies.iter().map(|_| Vec::new()).collect(),
         };
@@ -281,46 +325,44 @@ impl Batch {
         };
         let are_lanes = method == if dt.is_some() { Method::RkmkB } else { Method::Rkmk8B };
 
-        let (mut free, mut summed, mut others) = (Vec::new(), Vec::new(), Vec::new());
-        let (mut terms, mut models_of_others) = (Vec::new(), Vec::new());
-        for (i, models) in models.into_iter().enumerate() {
-            if are_lanes && dt.is_some() && models.is_empty() {
+        let (mut free, mut forced, mut others) = (Vec::new(), Forced::default(), Vec::new());
+        let mut forces_of_others = Vec::new();
+        for (i, acting) in acting.into_iter().enumerate() {
+            let callables = acting.iter().any(|force| matches!(force, Acting::Callable(_)));
+            if are_lanes && dt.is_some() && acting.is_empty() {
                 free.push(i);
-            } else if let Some(of_body) = are_lanes.then(|| self.terms(i, &models)).flatten() {
-                summed.push(i);
-                terms.push(of_body);
+            } else if are_lanes && !callables {
+                forced.add(i, &self.bodies[i], &self.gravity, acting);
             } else {
                 others.push(i);
-                models_of_others.push(models);
+                forces_of_others.push(acting.into_iter().map(BoxedForce::from).collect());
             }
         }
         let mut kept = Vec::new();
+        let summed = &forced.members;
+        let lists: Vec<Vec<_>> =
+            forced.lists.iter().map(|list| list.iter().map(as_model).collect()).collect();
+        let lists: Vec<&[_]> = forced.list_of.iter().map(|&list| &lists[list][..]).collect();
         if let Some(dt) = &dt {
             let gravity = self.gravity;
             let moved = self.in_lanes(py, &free, dt, |bodies, grids, states, token| {
                 FreeRuns::new(bodies, grids).in_gravity(&gravity).advance(states, token)
             })?;
             self.keep(&free, moved, &mut kept);
-            let moved = self.in_lanes(py, &summed, dt, |bodies, grids, states, token| {
-                ForcedRuns::try_new(bodies, grids, &terms)?.advance(states, token)
+            let moved = self.in_lanes(py, summed, dt, |bodies, grids, states, token| {
+                let runs = ForcedRuns::try_new(bodies, grids, &forced.terms)?;
+                runs.with_forces(&lists)?.advance(states, token)
             })?;
-            self.keep(&summed, moved, &mut kept);
+            self.keep(summed, moved, &mut kept);
         } else if let Some(Steps::Adapted { settings, .. }) = steps.first().filter(|_| !summed.is_empty()) {
-            let moved = self.adapted_in_lanes(py, &summed, settings, &terms)?;
-            self.keep(&summed, moved, &mut kept);
+            let moved = self.adapted_in_lanes(py, summed, settings, &forced.terms, &lists)?;
+            self.keep(summed, moved, &mut kept);
         }
         if !others.is_empty() {
-            let moved = self.one_by_one(py, &others, method, &steps, models_of_others, &failure)?;
+            let moved = self.one_by_one(py, &others, method, &steps, forces_of_others, &failure)?;
             self.keep(&others, moved, &mut kept);
         }
         Ok(Trajectory::new(Cast { bodies: self.bodies, single: false }, self.times, kept))
-    }
-
-    /// The terms of the forces on a body and of its weight, if all forces are sums of terms.
-    fn terms(&self, i: usize, models: &Vec<BoxedForce>) -> Option<Vec<WrenchTerm>> {
-        let mut terms = Vec::new();
-        let body = &self.bodies[i];
-        (models.add_terms(body, &mut terms) && self.gravity.add_terms(body, &mut terms)).then_some(terms)
     }
 
     /// Puts the states of some of the bodies at the times, those at one time after the other, among those of all.
@@ -378,12 +420,14 @@ impl Batch {
         members: &[usize],
         settings: &Adaptive,
         terms: &[Vec<WrenchTerm>],
+        forces: &[Forces<'_>],
     ) -> Result<Vec<RigidBodyState>, Error> {
         self.expect_room_at_times(members.len())?;
         let bodies: Vec<_> = members.iter().map(|&i| self.bodies[i]).collect();
         let states: Vec<_> = members.iter().map(|&i| self.states[i]).collect();
         let moved = cancel_on_signal(py, |token| {
             let runs = AdaptedRuns::try_new(&bodies, self.interval.into(), *settings, terms);
+            let runs = runs.and_then(|runs| runs.with_forces(forces));
             let moved = runs.and_then(|runs| runs.recorded(&states, &self.times, token));
             moved.map_err(|error| error.among(members))
         })?;

@@ -10,7 +10,7 @@ use crate::integrators::bodies::{RigidBody, State};
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PyType};
 use somersault::integrators::body;
-use somersault::integrators::force::{self, BoxedForce, Wrench};
+use somersault::integrators::force::{self, BoxedForce, StatesInLanes, Wrench, WrenchesInLanes};
 use somersault::integrators::nalgebra::Vector3;
 use somersault::integrators::series::WrenchTerm;
 use somersault::integrators::state::{Pose, RigidBodiesState, RigidBodyState, State as StateOf, Twist};
@@ -91,6 +91,14 @@ impl ForceModel {
 #[derive(Clone)]
 pub(crate) struct Shared(Arc<dyn force::ForceModel + Send + Sync>);
 
+impl Shared {
+    /// The model.
+    pub(crate) fn model(&self) -> &Arc<dyn force::ForceModel + Send + Sync> {
+        &self.0
+    }
+}
+
+#[deny(clippy::missing_trait_methods)]
 impl force::ForceModel for Shared {
     fn wrench(&self, t: f64, body: &body::RigidBody, x: &RigidBodyState) -> Wrench {
         self.0.wrench(t, body, x)
@@ -112,6 +120,9 @@ impl force::ForceModel for Shared {
     }
     fn add_terms(&self, body: &body::RigidBody, terms: &mut Vec<WrenchTerm>) -> bool {
         self.0.add_terms(body, terms)
+    }
+    fn add_in_lanes(&self, on: &StatesInLanes<'_>, sums: &mut WrenchesInLanes) {
+        self.0.add_in_lanes(on, sums);
     }
     fn wrench_variation(
         &self,
@@ -595,7 +606,7 @@ fn check_returned(name: &str, t: f64, finite: bool) -> Result<(), Error> {
 }
 
 /// A callable ``f(t, state) -> (force, torque)``.
-struct CallableForce {
+pub(crate) struct CallableForce {
     callable: Py<PyAny>,
     name: String,
     failure: Failure,
@@ -634,6 +645,21 @@ fn pair<'py>(
     })
 }
 
+/// A force on a body: a model, or a callable, which holds the interpreter.
+pub(crate) enum Acting {
+    Model(Shared),
+    Callable(Box<CallableForce>),
+}
+
+impl From<Acting> for BoxedForce {
+    fn from(acting: Acting) -> Self {
+        match acting {
+            Acting::Model(model) => Box::new(model),
+            Acting::Callable(callable) => callable,
+        }
+    }
+}
+
 /// Reads force models, and notes whether a Python callable is among them.
 pub(crate) struct Reader {
     pub(crate) failure: Failure,
@@ -646,17 +672,17 @@ impl Reader {
         argument: &str,
         body: &body::RigidBody,
         value: &Bound<'_, PyAny>,
-    ) -> Result<BoxedForce, Error> {
+    ) -> Result<Acting, Error> {
         if let Ok(model) = value.cast::<ForceModel>() {
-            return Ok(Box::new(ForceModel::acting_on(model, argument, body)?));
+            return Ok(Acting::Model(ForceModel::acting_on(model, argument, body)?));
         }
         if value.is_callable() && !value.is_instance_of::<pyo3::types::PyType>() {
             self.calls_python = true;
-            return Ok(Box::new(CallableForce {
+            return Ok(Acting::Callable(Box::new(CallableForce {
                 callable: value.clone().unbind(),
                 name: callable_name(value),
                 failure: self.failure.clone(),
-            }));
+            })));
         }
         Err(Error::input(format!(
             "`{argument}` must hold force models or callables f(t, state) -> (force, torque), found {}",
@@ -664,13 +690,13 @@ impl Reader {
         )))
     }
 
-    /// The sum of one or several models that act on a body; None is no force.
-    pub(crate) fn sum(
+    /// One or several forces that act on a body; None is no force.
+    fn some(
         &mut self,
         argument: &str,
         body: &body::RigidBody,
         value: &Bound<'_, PyAny>,
-    ) -> Result<Vec<BoxedForce>, Error> {
+    ) -> Result<Vec<Acting>, Error> {
         if value.is_none() {
             return Ok(Vec::new());
         }
@@ -680,26 +706,47 @@ impl Reader {
         }
     }
 
+    /// The same as models of one kind.
+    pub(crate) fn sum(
+        &mut self,
+        argument: &str,
+        body: &body::RigidBody,
+        value: &Bound<'_, PyAny>,
+    ) -> Result<Vec<BoxedForce>, Error> {
+        Ok(self.some(argument, body, value)?.into_iter().map(BoxedForce::from).collect())
+    }
+
     /// What acts on each of several bodies: one entry for each, or one model for all.
-    pub(crate) fn for_each(
+    pub(crate) fn each(
         &mut self,
         argument: &str,
         bodies: &[body::RigidBody],
         value: &Bound<'_, PyAny>,
-    ) -> Result<Vec<Vec<BoxedForce>>, Error> {
+    ) -> Result<Vec<Vec<Acting>>, Error> {
         match sequence(value) {
             Some(list) if list.len()? > 0 => {
                 // entries beyond the bodies are counted by the system
                 let each = bodies.iter().map(Some).chain(std::iter::repeat(None));
                 let each = list.try_iter()?.zip(each);
                 each.map(|(entry, body)| {
-                    body.map_or(Ok(Vec::new()), |body| self.sum(argument, body, &entry?))
+                    body.map_or(Ok(Vec::new()), |body| self.some(argument, body, &entry?))
                 })
                 .collect()
             }
             Some(_) => Ok(bodies.iter().map(|_| Vec::new()).collect()),
-            None => bodies.iter().map(|body| self.sum(argument, body, value)).collect(),
+            None => bodies.iter().map(|body| self.some(argument, body, value)).collect(),
         }
+    }
+
+    /// The same as models of one kind.
+    pub(crate) fn for_each(
+        &mut self,
+        argument: &str,
+        bodies: &[body::RigidBody],
+        value: &Bound<'_, PyAny>,
+    ) -> Result<Vec<Vec<BoxedForce>>, Error> {
+        let each = self.each(argument, bodies, value)?.into_iter();
+        Ok(each.map(|forces| forces.into_iter().map(BoxedForce::from).collect()).collect())
     }
 
     /// What acts between bodies.

@@ -4,13 +4,14 @@ use crate::core::error::Error;
 use crate::expr::compiled::CompiledFunction;
 use crate::integrators::forces::models::{ForceModel, build};
 use pyo3::prelude::*;
-use somersault::expr::{Evaluator, ExprFunction, Expression};
+use somersault::expr::{Evaluator, ExprFunction, Expression, LANES};
 use somersault::integrators::body::RigidBody;
-use somersault::integrators::force::{self, Wrench};
+use somersault::integrators::force::{self, StatesInLanes, Wrench, WrenchesInLanes};
 use somersault::integrators::nalgebra::{Matrix3, Quaternion, Vector3};
 use somersault::integrators::state::{RigidBodyState, Twist};
 use somersault::integrators::variation::Tangent;
 use std::cell::RefCell;
+use std::ops::Range;
 use std::sync::Arc;
 use thread_local::ThreadLocal;
 
@@ -36,12 +37,20 @@ struct ExpressionForce {
     slopes: ThreadLocal<RefCell<(Evaluator, Vec<f64>)>>,
     /// Rows and columns of the entries.
     entries: Arc<[(usize, usize)]>,
+    /// Whether the function reads the matrix, and mass or inertia.
+    reads_rotation: bool,
+    reads_body: bool,
 }
 
 impl Clone for ExpressionForce {
     fn clone(&self) -> Self {
-        let (function, entries) = (self.function.clone(), self.entries.clone());
-        Self { function, values: ThreadLocal::new(), slopes: ThreadLocal::new(), entries }
+        Self {
+            function: self.function.clone(),
+            values: ThreadLocal::new(),
+            slopes: ThreadLocal::new(),
+            entries: self.entries.clone(),
+            ..*self
+        }
     }
 }
 
@@ -54,12 +63,50 @@ impl ExpressionForce {
             )));
         }
         let entries = function.jacobian()?.sparsity().entries().collect();
-        Ok(Self { function, values: ThreadLocal::new(), slopes: ThreadLocal::new(), entries })
+        let evaluator = function.evaluator();
+        let reads = |mut inputs: Range<usize>| inputs.any(|input| evaluator.reads(input));
+        let (reads_rotation, reads_body) = (reads(ROTATION..QUATERNION), reads(MASS..INPUTS));
+        let (values, slopes) = (ThreadLocal::new(), ThreadLocal::new());
+        Ok(Self { function, values, slopes, entries, reads_rotation, reads_body })
     }
 
     /// Whether outputs are the number 0.
     fn are_zero(&self, outputs: &[Expression]) -> bool {
         outputs.iter().all(|output| self.function.graph().as_constant(*output) == Some(0.0))
+    }
+
+    /// The inputs of several bodies, those that are read.
+    fn inputs_in_lanes(&self, on: &StatesInLanes<'_>) -> [[f64; LANES]; INPUTS] {
+        let mut inputs = [[0.0; LANES]; INPUTS];
+        inputs[0] = on.times;
+        inputs[POSITION..ROTATION].copy_from_slice(&on.position);
+        inputs[QUATERNION..VELOCITY].copy_from_slice(&on.orientation);
+        inputs[VELOCITY..ANGULAR_VELOCITY].copy_from_slice(&on.velocity);
+        inputs[ANGULAR_VELOCITY..MASS].copy_from_slice(&on.angular_velocity);
+        if self.reads_rotation {
+            let [x, y, z, w] = &on.orientation;
+            for lane in 0..LANES {
+                let (x, y, z, w) = (x[lane], y[lane], z[lane], w[lane]);
+                let entries = [
+                    [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+                    [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+                    [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+                ];
+                for (row, entry) in inputs[ROTATION..QUATERNION].iter_mut().zip(entries.as_flattened()) {
+                    row[lane] = *entry;
+                }
+            }
+        }
+        if self.reads_body {
+            for (lane, body) in on.bodies().iter().enumerate() {
+                inputs[MASS][lane] = body.mass();
+                let tensor = body.inertia().tensor().transpose();
+                for (row, entry) in inputs[INERTIA..].iter_mut().zip(&tensor) {
+                    row[lane] = *entry;
+                }
+            }
+        }
+        inputs
     }
 
     /// The derivative of force and torque along a direction.
@@ -117,6 +164,17 @@ impl force::ForceModel for ExpressionForce {
         let mut outputs = [0.0; OUTPUTS];
         let evaluated = evaluator.borrow_mut().evaluate(&inputs(t, body, x), &mut outputs);
         evaluated.map_or(NAN, |()| wrench(&outputs))
+    }
+    fn add_in_lanes(&self, on: &StatesInLanes<'_>, sums: &mut WrenchesInLanes) {
+        let evaluator = self.values.get_or(|| RefCell::new(self.function.evaluator()));
+        let mut outputs = [[0.0; LANES]; OUTPUTS];
+        let evaluated = evaluator.borrow_mut().evaluate_lanes(&self.inputs_in_lanes(on), &mut outputs);
+        if evaluated.is_err() {
+            outputs = [[f64::NAN; LANES]; OUTPUTS];
+        }
+        for (row, output) in sums.force.iter_mut().chain(&mut sums.torque).zip(&outputs) {
+            row.iter_mut().zip(output).for_each(|(sum, x)| *sum += x);
+        }
     }
     fn is_free(&self) -> bool {
         self.are_zero(self.function.outputs())
