@@ -13,7 +13,9 @@
 //! 2. Beyond the take-off t_a the residual is (t_a − t)²₊, that of a force that ends at once, and cubic splines (t_a − kδ − t)³₊, those of
 //!    forces that vary within δ = 0.05 s; their factors are normal with the sizes of such forces. With the noise of the flight, white and
 //!    correlated ([`MarkerNoise`](crate::reconstruction::MarkerNoise)), estimated by restricted likelihood, all factors are integrated out, and what is left is the
-//!    probability of each t_a between frames. Its mean and its 95 % interval are reported. The entry is found likewise.
+//!    probability of each t_a between frames. Its mean and its 95 % interval are reported. The entry is found likewise. Both are sought
+//!    within 0.25 s of the ends of the stretch, and farther where they are probable at the edge of that: slow noise may end a
+//!    stretch within a flight.
 //!
 //! **What is checked** by something that did not find the flight: the curvature that is free within the stretch must be that of gravity, and
 //! no longer stretch may keep to a parabola of another curvature: that is what a wrong rate of the frames or a wrong unit of length shows.

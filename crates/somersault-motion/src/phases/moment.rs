@@ -13,6 +13,8 @@ pub(super) struct Moment {
     pub(super) deviation: f64,
     /// Where it lies with 95 %.
     pub(super) bounds: [f64; 2],
+    /// That it lies beyond the frames that were looked at, or in the last of the interval that was.
+    pub(super) at_edge: f64,
     /// That the record has no frame beyond it.
     pub(super) outside: f64,
 }
@@ -27,8 +29,10 @@ pub(super) enum End {
 /// How far about the end of the stretch the moment is sought, and how closely, s.
 pub(super) const REACH: f64 = 0.25;
 const STEP: f64 = 0.005;
+/// How much of what was looked at is its edge, s.
+const EDGE: f64 = 0.05;
 /// Knots of the force beyond the moment, and their distance, s.
-const N_KNOTS: usize = 10;
+const N_KNOTS: usize = 20;
 const SPACING: f64 = 0.05;
 /// Standard deviations, over gravity, of the acceleration with which a force ends at once, of its change in 0.1 s, whose mean is as large, and
 /// of what this changes by from knot to knot.
@@ -41,19 +45,20 @@ const N_COLUMNS: usize = 2 + N_FORCE + 1;
 const N_LAST: usize = N_COLUMNS - 1;
 
 impl Moment {
-    /// About `near`, by `frames`, of which those inside are in flight.
+    /// From [`REACH`] inside of `near` to `reach` beyond it, by `frames`, of which those inside are in flight.
     pub(super) fn sought(
         record: &Record,
         frames: Range<usize>,
         end: End,
-        near: f64,
+        (near, reach): (f64, f64),
         gravity: f64,
         noise: &MarkerNoise,
     ) -> Option<Self> {
-        let times = &record.times[frames.clone()];
+        let times = record.times.get(frames.clone()).filter(|times| !times.is_empty())?;
         let (steps, _) = whitening(noise, times.iter().map(|t| (*t, 1.0)));
-        let n = (2.0 * REACH / STEP).round() as usize;
-        let grid: Vec<f64> = (0..=n).map(|k| near - REACH + STEP * k as f64).collect();
+        let n = ((REACH + reach) / STEP).round() as usize;
+        let start = near - if end == End::TakeOff { reach } else { REACH };
+        let grid: Vec<f64> = (0..=n).map(|k| start + STEP * k as f64).collect();
         let mut weights = Vec::with_capacity(grid.len());
         for moment in &grid {
             let mut products = DMatrix::<f64>::zeros(N_COLUMNS, N_COLUMNS);
@@ -76,9 +81,12 @@ impl Moment {
         let all = || grid.iter().zip(&weights);
         let mean: f64 = all().map(|(t, w)| t * w).sum();
         let deviation = all().map(|(t, w)| (t - mean).powi(2) * w).sum::<f64>().sqrt();
-        let (first, last) = (times[0], times[times.len() - 1]);
-        let is_outside = |t: f64| if end == End::TakeOff { t < first } else { t > last };
-        let outside = all().filter(|(t, _)| is_outside(**t)).map(|(_, w)| w).sum();
+        let beyond = |first: f64, last: f64| {
+            let is_beyond = |t: f64| if end == End::TakeOff { t < first } else { t > last };
+            all().filter(|(t, _)| is_beyond(**t)).map(|(_, w)| w).sum()
+        };
+        let outside = beyond(record.times[0], record.times[record.times.len() - 1]);
+        let at_edge = beyond(times[0].max(start + EDGE), times[times.len() - 1].min(near + reach - EDGE));
         let at = |fraction: f64| {
             let mut below = 0.0;
             let found = all().find(|(_, w)| {
@@ -87,7 +95,8 @@ impl Moment {
             });
             found.map_or(near, |(t, _)| *t)
         };
-        Some(Self { mean, deviation, bounds: [at(0.025) - 0.5 * STEP, at(0.975) + 0.5 * STEP], outside })
+        let bounds = [at(0.025) - 0.5 * STEP, at(0.975) + 0.5 * STEP];
+        Some(Self { mean, deviation, bounds, at_edge, outside })
     }
 }
 

@@ -154,7 +154,11 @@ const SECOND: f64 = 0.5;
 /// How much of either end of a stretch is left out where noise is estimated: s, and fraction of it.
 const TRIMMED: (f64, f64) = (0.1, 0.15);
 /// Rounds in which take-off and entry are sought in turn.
-const ROUNDS: usize = 2;
+const ROUNDS: usize = 3;
+/// How far beyond the stretch they are sought at most, but for a step, s.
+const FARTHEST: f64 = 0.6;
+/// Chance that take-off or entry are farther than they were sought.
+const NOWHERE: f64 = 0.025;
 /// The longest interval, and the longest gap, that are not doubtful, s.
 const WIDE: f64 = 0.2;
 const GAP: f64 = 0.06;
@@ -184,33 +188,12 @@ const OUTSIDE: f64 = 1e-8;
 pub fn find_flight(times: &[f64], heights: &[Option<f64>], gravity: f64) -> Result<FlightPhase, PhaseError> {
     expect_positive("gravity", gravity)?;
     let record = Record::try_new(times, heights)?;
-    let Some(Candidate { stretch, size, curve }) = candidate(&record, gravity) else {
+    let Some(Candidate { mut stretch, size, curve }) = candidate(&record, gravity) else {
         return Ok(FlightPhase::not_found(gravity));
     };
-    let noise = noise_of(&record, trimmed(&record, &stretch.frames), curve);
-    let [first, last] = [stretch.frames.start, stretch.frames.end - 1].map(|i| record.times[i]);
-    let frames_of = |start: f64, end: f64| {
-        record.times.partition_point(|t| *t < start)..record.times.partition_point(|t| *t <= end)
+    let Some(([take_off, entry], noise)) = moments(&record, &mut stretch, curve) else {
+        return Ok(FlightPhase::not_found(gravity));
     };
-    let mut found = [first, last].map(|mean| Moment {
-        mean,
-        deviation: 0.5 * TRIMMED.0,
-        bounds: [mean; 2],
-        outside: 0.0,
-    });
-    for _ in 0..ROUNDS {
-        for (k, end, near) in [(0, End::TakeOff, first), (1, End::Entry, last)] {
-            let margin = 1.5 * found[1 - k].deviation;
-            let frames = match end {
-                End::TakeOff => frames_of(near - REACH, found[1].mean - margin),
-                End::Entry => frames_of(found[0].mean + margin, near + REACH),
-            };
-            let moment = Moment::sought(&record, frames, end, near, curve, &noise);
-            let Some(moment) = moment else { return Ok(FlightPhase::not_found(gravity)) };
-            found[k] = moment;
-        }
-    }
-    let [take_off, entry] = found;
     let inside = trimmed(&record, &stretch.frames);
     let own = curvature(&weighed(&record, inside, &noise).0);
     let [own, deviation] = own.unwrap_or([f64::NAN; 2]);
@@ -252,6 +235,58 @@ pub fn find_flight(times: &[f64], heights: &[Option<f64>], gravity: f64) -> Resu
         false => PhaseStatus::Uncertain,
     };
     Ok(phase)
+}
+
+/// Take-off and entry of a flight to which a stretch belongs, and its noise. Slow noise may end a stretch within the flight: then the
+/// stretch becomes longer, and tells more of the noise.
+fn moments(record: &Record, stretch: &mut Stretch, curve: f64) -> Option<([Moment; 2], MarkerNoise)> {
+    let [first, last] = [stretch.frames.start, stretch.frames.end - 1].map(|i| record.times[i]);
+    let frames_of = |start: f64, end: f64| {
+        record.times.partition_point(|t| *t < start)..record.times.partition_point(|t| *t <= end)
+    };
+    let mut noise = noise_of(record, trimmed(record, &stretch.frames), curve);
+    let mut found = [first, last].map(|mean| Moment {
+        mean,
+        deviation: 0.5 * TRIMMED.0,
+        bounds: [mean; 2],
+        at_edge: 0.0,
+        outside: 0.0,
+    });
+    let mut ends = [(End::TakeOff, first), (End::Entry, last)];
+    for _ in 0..ROUNDS {
+        let mut is_longer = false;
+        for (k, (end, near)) in ends.iter_mut().enumerate() {
+            let margin = 1.5 * found[1 - k].deviation;
+            let mut reach = REACH;
+            loop {
+                let (frames, is_whole) = match end {
+                    End::TakeOff => {
+                        let frames = frames_of(*near - reach, found[1].mean - margin);
+                        (frames.clone(), frames.start == 0)
+                    }
+                    End::Entry => {
+                        let frames = frames_of(found[0].mean + margin, *near + reach);
+                        (frames.clone(), frames.end == record.times.len())
+                    }
+                };
+                found[k] = Moment::sought(record, frames, *end, (*near, reach), curve, &noise)?;
+                if found[k].at_edge <= OUTSIDE || is_whole || reach > FARTHEST {
+                    break;
+                }
+                reach += REACH;
+            }
+            if reach > REACH {
+                is_longer = true;
+                *near = found[k].mean;
+            }
+        }
+        let frames = frames_of(found[0].mean, found[1].mean);
+        if is_longer && frames.len() >= LEAST_FRAMES {
+            stretch.frames = frames;
+            noise = noise_of(record, trimmed(record, &stretch.frames), curve);
+        }
+    }
+    Some((found, noise))
 }
 
 /// A stretch, the size of its residuals, and the curvature that it has.
@@ -323,7 +358,8 @@ fn doubts(
     }
     for moment in moments {
         let width = moment.bounds[1] - moment.bounds[0];
-        if width > WIDE && moment.outside <= OUTSIDE {
+        // at the edge of what was looked at, though the record continues, it is nowhere
+        if (width > WIDE || moment.at_edge > NOWHERE) && moment.outside <= OUTSIDE {
             found.push(PhaseDoubt::Wide { width });
         }
     }

@@ -166,6 +166,17 @@ fn other_dives_are_identified() {
     }
 }
 
+/// Slow noise bends the heights half a second before the entry, where the longest stretch that keeps to a parabola ends.
+#[test]
+fn slow_noise_does_not_end_a_flight() {
+    let dived = dived(1.5, Posture::H);
+    let flight = dived.flight(0.03, 0.7, 1);
+    let phase = flight.phase.clone().unwrap();
+    assert!(phase.success() && (phase.entry.value - dived.flight[1]).abs() < 0.04, "{phase:?}");
+    let report = identify_flight(&dived.model, &flight, Some(Facing::Water)).unwrap();
+    assert_eq!(report.number.as_deref(), Some("103B"), "{}", report.page());
+}
+
 #[test]
 fn what_lies_between_is_no_number() {
     let report = dived(2.25, Posture::H).report(None, 3);
@@ -205,7 +216,7 @@ fn what_was_not_reconstructed_has_no_number() {
 }
 
 #[test]
-#[ignore = "long form of `other_dives_are_identified`, 96 dives, 250 s: `make studies` runs it"]
+#[ignore = "long form of `other_dives_are_identified`, 192 dives, 150 s: `make studies` runs it"]
 fn most_dives_are_identified() {
     let (mut right, mut wrong, mut unsaid, mut all) = (0, 0, 0, 0);
     let mut off = Vec::new();
@@ -218,7 +229,7 @@ fn most_dives_are_identified() {
                     continue;
                 }
                 let dived = dived(somersaults, posture);
-                for seed in 0..3 {
+                for seed in 0..6 {
                     let flight = dived.flight(0.03, correlated, seed);
                     if let Some(phase) = &flight.phase {
                         off.push((phase.take_off.value - dived.flight[0]).abs());
@@ -246,5 +257,6 @@ fn most_dives_are_identified() {
         "{right} right, {wrong} wrong, {unsaid} not said, of {all}; middle error of take-off and entry {:.4} s",
         off[off.len() / 2]
     );
-    assert!(wrong * 100 <= 3 * (right + wrong) && off[off.len() / 2] < 0.03);
+    assert!(right * 100 >= 97 * all && wrong * 100 <= 3 * (right + wrong));
+    assert!(off[off.len() / 2] < 0.03);
 }
