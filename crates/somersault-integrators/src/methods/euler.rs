@@ -5,6 +5,7 @@
 //! Order 1 on ℝ³ and on SO(3); 1 evaluation; no start-up. Conserves nothing; the rotational energy of
 //! a free body never grows (Table 6.3). Not for anything but comparison.
 
+use crate::state::{Configuration, Rate};
 use crate::stepper::{MethodInfo, Scheme, Stages, StepError, Stepper};
 use crate::system::{StateOf, System};
 use crate::tableau::{EULER, Tableau};
@@ -55,8 +56,9 @@ impl<S: System> Stepper<S> for Euler {
         let (mut v, mut a) = (v.lend(), a.lend());
         system.velocity(&mut m.workspace, t, x, &mut v);
         system.acceleration(&mut m.workspace, t, x, &mut a);
-        out.assign(x);
+        out.configuration.assign(&x.configuration);
         out.drift(&v, h);
+        out.rate.assign(&x.rate);
         out.kick(&a, h);
         Ok(())
     }

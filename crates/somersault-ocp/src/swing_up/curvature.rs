@@ -61,13 +61,15 @@ type Curvature = [f64; 6];
 fn add_products(hessian: &mut [f64], x: [&[f64]; 3], y: [&[f64]; 3], n: usize) {
     let mut at = 0;
     for j in 0..n {
-        let column = &mut hessian[at..=at + j];
+        // of equal lengths, so that nothing is checked in the loop
+        let m = j + 1;
+        let column = &mut hessian[at..at + m];
         let [a, b, c] = [y[0][j], y[1][j], y[2][j]];
-        let [x0, x1, x2] = [&x[0][..=j], &x[1][..=j], &x[2][..=j]];
-        for i in 0..=j {
+        let [x0, x1, x2] = [&x[0][..m], &x[1][..m], &x[2][..m]];
+        for i in 0..m {
             column[i] += x0[i] * a + x1[i] * b + x2[i] * c;
         }
-        at += j + 1;
+        at += m;
     }
 }
 

@@ -58,7 +58,10 @@ pub(super) struct Stage {
 /// Inner factors of the classical Runge–Kutta method, each of the stage before, and its weights.
 pub(super) const INNER: [f64; 3] =
     [RUNGE_KUTTA_4.rows[1][0], RUNGE_KUTTA_4.rows[2][1], RUNGE_KUTTA_4.rows[3][2]];
-pub(super) const WEIGHTS: &[f64] = RUNGE_KUTTA_4.weights.factors;
+pub(super) const WEIGHTS: [f64; 4] = {
+    let factors = RUNGE_KUTTA_4.weights.factors;
+    [factors[0], factors[1], factors[2], factors[3]]
+};
 
 impl Passes {
     pub(super) fn try_new(problem: &CartPendulumProblem) -> Result<Self, OcpError> {
