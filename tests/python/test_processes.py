@@ -19,6 +19,7 @@ from somersault import batch, contact, ftla, motion, multibody, ocp, studies
 
 BODY = somersault.RigidBody.box(1.0, (0.2, 0.4, 0.6))
 START = somersault.State(angular_velocity=(0.1, 5.0, 0.3))
+GRADIENT = somersault.forces.GravityGradient(somersault.forces.Orbit(7e6))
 
 
 def _rows() -> Any:
@@ -270,6 +271,7 @@ LONG = {
     "rollouts": "multibody.rollout(diver, [diver.neutral()] * 999, [0] * 27, (0, 1e3), 1e-3, every=10**6)",
     "few bodies": "somersault.batch.integrate_batch(BODY, [START] * 2, (0.0, 1e4), 1e-5)",
     "adapted batch": "somersault.batch.integrate_batch(BODY, [START] * 2000, (0.0, 1e4))",
+    "satellites": "somersault.batch.integrate_batch(BODY, [START] * 200, (0, 1e5), 1e-3, forces=GRADIENT)",
 }
 #: Those of them that always have found something.
 SEARCHES = ("search of the pendulum", "search of a dive", "dive")
@@ -285,6 +287,7 @@ def test_ctrl_c_ends_every_long_call_within_half_a_second(what: str, monkeypatch
     names = {
         **{"np": np, "somersault": somersault, "ocp": ocp, "studies": studies, "contact": contact},
         **{"ftla": ftla, "motion": motion, "multibody": multibody, "BODY": BODY, "START": START},
+        "GRADIENT": GRADIENT,
         **{"top": contact.spinning_top(), "diver": multibody.diver_spatial().model},
     }
     sent: list[float] = []

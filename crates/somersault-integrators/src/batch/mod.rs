@@ -70,8 +70,10 @@ impl fmt::Debug for dyn ForceModel + Sync + '_ {
     }
 }
 
-/// Steps that the bodies of a tile make between two looks at a token: some hundredths of a second.
+/// Steps that the bodies of a tile make between two looks at a token: some hundredths of a second. Forces that are no sums of terms may
+/// take longer.
 const STEPS_PER_LOOK: u64 = 1 << 15;
+const FORCED_STEPS_PER_LOOK: u64 = 1 << 8;
 
 /// Why a batch cannot be integrated. Bodies count from 0.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -317,10 +319,12 @@ impl<'a> ForcedRuns<'a> {
                 }
                 let mut tile = ForcedTile::new(moving);
                 let mut made = [0; TILE];
+                let has_others = order.iter().any(|&i| !others(forces, i).is_empty());
+                let most = if has_others { FORCED_STEPS_PER_LOOK } else { STEPS_PER_LOOK };
                 let whole = |i: usize| (grids[i].dt(), grids[i].full_steps());
                 let rest = |i: usize| (last_step(&grids[i]), 1);
                 for of in [&whole as &dyn Fn(usize) -> (f64, u64), &rest] {
-                    in_parts(order.iter().map(|&i| of(i)), token, |next| {
+                    in_parts(order.iter().map(|&i| of(i)), most, token, |next| {
                         tile.hold();
                         let moving = order.iter().zip(next).enumerate();
                         for (at, (&i, &(h, steps))) in moving.filter(|(_, (_, (_, steps)))| *steps > 0) {
@@ -610,10 +614,11 @@ fn advance_by_tiles<T>(
     diverged.map_or(Ok(()), |body| Err(BatchError::Diverged { body }))
 }
 
-/// Has the steps of the bodies of a tile made, by the size and the number of steps of each, so many at a time that a token is looked at
-/// meanwhile; `make` takes how many of which size are next. A body without steps, or with steps of no size, has none.
+/// Has the steps of the bodies of a tile made, by the size and the number of steps of each, so many at a time at most that a token is
+/// looked at meanwhile; `make` takes how many of which size are next. A body without steps, or with steps of no size, has none.
 fn in_parts(
     of: impl Iterator<Item = (f64, u64)>,
+    most: u64,
     token: &CancellationToken,
     mut make: impl FnMut(&[(f64, u64); TILE]),
 ) {
@@ -622,7 +627,7 @@ fn in_parts(
         *left = (h, steps);
     }
     while left.iter().any(|(_, steps)| *steps > 0) && !token.is_cancelled() {
-        let next = left.map(|(h, steps)| (h, steps.min(STEPS_PER_LOOK)));
+        let next = left.map(|(h, steps)| (h, steps.min(most)));
         make(&next);
         for (left, next) in left.iter_mut().zip(next) {
             left.1 -= next.1;
@@ -661,7 +666,7 @@ fn turn<'m>(
         }
     }
     let sizes = (0..bodies.len()).map(&of).map(|(_, dt, steps)| (dt, steps));
-    in_parts(sizes, token, |next| {
+    in_parts(sizes, STEPS_PER_LOOK, token, |next| {
         tile.clear();
         for at in (0..TILE).filter(|at| moving[*at]) {
             tile.take(at, next[at].1);
