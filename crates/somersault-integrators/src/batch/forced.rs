@@ -15,7 +15,8 @@
 //!
 //! Bodies of a tile may be under different terms: each kind of term has a row of coefficients, zero for the bodies that have none of it.
 //! Terms along the way s from one centre to one point of a body are one tie, F = (Σ cₙ |s|⁻ⁿ + (s · ṡ) Σ dₙ |s|⁻ⁿ) s, n ≤ 3.
-//! Forces that are no sums of terms are evaluated by [`ForceModel::add_in_lanes`](crate::force::ForceModel::add_in_lanes), of neighbours together where they are the same.
+//! Other forces are evaluated by [`ForceModel::add_in_lanes`](crate::force::ForceModel::add_in_lanes), for several bodies at once
+//! where these are neighbours and have the same forces.
 //!
 //! # Cost
 //!
@@ -254,8 +255,8 @@ struct Others<'a> {
     bodies: Vec<&'a RigidBody>,
     /// On each of them.
     forces: Vec<Forces<'a>>,
-    /// Whether there is any.
-    are_there: bool,
+    /// Whether a body has any.
+    exist: bool,
     /// The rotation from the frame of each body to its principal frame: unit quaternions, real part first.
     to_principal: [Row; 4],
 }
@@ -326,7 +327,7 @@ impl<'a> Moving<'a> {
         Self {
             states: States::new(),
             terms: Terms::default(),
-            others: Others { bodies: Vec::new(), forces: Vec::new(), are_there: false, to_principal: unit },
+            others: Others { bodies: Vec::new(), forces: Vec::new(), exist: false, to_principal: unit },
             gyration: [ZERO; 3],
             inverse_moments: [ZERO; 3],
             inverse_mass: ZERO,
@@ -363,7 +364,7 @@ impl<'a> Moving<'a> {
         }
         self.others.bodies.push(body);
         self.others.forces.push(forces);
-        self.others.are_there |= !forces.is_empty();
+        self.others.exist |= !forces.is_empty();
     }
 
     /// The state of the body in entry `at`.
@@ -390,7 +391,7 @@ impl<'a> Moving<'a> {
         x: &Stage<L>,
     ) -> [[L::Vector; 3]; 2] {
         let [mut force, mut torque] = wrench(l, &self.terms, at, x);
-        if self.others.are_there {
+        if self.others.exist {
             let of_others = self.others.wrench(l, at, t, x);
             force = sum(l, force, of_others[0]);
             torque = sum(l, torque, of_others[1]);

@@ -13,9 +13,9 @@ pub(super) struct Moment {
     pub(super) deviation: f64,
     /// Where it lies with 95 %.
     pub(super) bounds: [f64; 2],
-    /// That it lies beyond the frames that were looked at, or in the last of the interval that was.
+    /// Probability that it lies beyond the frames that were used, or in the outermost part of the interval that was searched.
     pub(super) at_edge: f64,
-    /// That the record has no frame beyond it.
+    /// Probability that the record has no frame beyond it.
     pub(super) outside: f64,
 }
 
@@ -29,7 +29,7 @@ pub(super) enum End {
 /// How far about the end of the stretch the moment is sought, and how closely, s.
 pub(super) const REACH: f64 = 0.25;
 const STEP: f64 = 0.005;
-/// How much of what was looked at is its edge, s.
+/// The outermost part of the interval that is searched, s.
 const EDGE: f64 = 0.05;
 /// Knots of the force beyond the moment, and their distance, s.
 const N_KNOTS: usize = 20;

@@ -157,8 +157,8 @@ const TRIMMED: (f64, f64) = (0.1, 0.15);
 const ROUNDS: usize = 3;
 /// How far beyond the stretch they are sought at most, but for a step, s.
 const FARTHEST: f64 = 0.6;
-/// Chance that take-off or entry are farther than they were sought.
-const NOWHERE: f64 = 0.025;
+/// Chance of take-off or entry at the edge of the interval that was searched, from which on they count as not located.
+const NOT_LOCATED: f64 = 0.025;
 /// The longest interval, and the longest gap, that are not doubtful, s.
 const WIDE: f64 = 0.2;
 const GAP: f64 = 0.06;
@@ -358,8 +358,8 @@ fn doubts(
     }
     for moment in moments {
         let width = moment.bounds[1] - moment.bounds[0];
-        // at the edge of what was looked at, though the record continues, it is nowhere
-        if (width > WIDE || moment.at_edge > NOWHERE) && moment.outside <= OUTSIDE {
+        // probable at the edge of the interval that was searched, and within the record
+        if (width > WIDE || moment.at_edge > NOT_LOCATED) && moment.outside <= OUTSIDE {
             found.push(PhaseDoubt::Wide { width });
         }
     }
