@@ -61,11 +61,11 @@ class TestMarkers:
         assert found.names == recording.names
 
     def test_weights_go_with_their_points(self) -> None:
-        plain = gapped()
-        assert plain.weights is None
+        given = gapped()
+        assert given.weights is None
         weights = np.linspace(0.1, 1.0, 24).reshape(12, 2)
         weights[3, 0] = np.nan  # of a marker that is missing there
-        recording = motion.MarkerRecording(plain.names, plain.times, plain.points, plain.present, weights)
+        recording = motion.MarkerRecording(given.names, given.times, given.points, given.present, weights)
         again = pickle.loads(pickle.dumps(recording))
         for found, expected in (
             (again, weights),
@@ -83,9 +83,9 @@ class TestMarkers:
         for wrong in (0.0, 1.5, -1.0, np.inf):
             weights[5, 1] = wrong
             with pytest.raises(errors.InputError, match=r"`weights` must be above 0 and at most 1, found"):
-                motion.MarkerRecording(plain.names, plain.times, plain.points, plain.present, weights)
+                motion.MarkerRecording(given.names, given.times, given.points, given.present, weights)
         with pytest.raises(errors.InputError, match="`weights` must be real numbers of shape"):
-            motion.MarkerRecording(plain.names, plain.times, plain.points, plain.present, weights[1:])
+            motion.MarkerRecording(given.names, given.times, given.points, given.present, weights[1:])
 
     def test_filled_gaps_are_scipys_cubic_spline(self) -> None:
         recording = gapped()

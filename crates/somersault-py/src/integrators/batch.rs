@@ -313,7 +313,7 @@ impl Batch {
         let acting: Vec<Vec<Acting>> = match forces {
             Some(forces) => {
                 let mut reader = Reader { failure: failure.clone(), calls_python: false };
-                let acting = reader.each("forces", &self.bodies, forces)?;
+                let acting = reader.for_each("forces", &self.bodies, forces)?;
                 expect_length("forces", n, acting.len())?;
                 acting
             }

@@ -691,62 +691,41 @@ impl Reader {
     }
 
     /// One or several forces that act on a body; None is no force.
-    fn some(
+    pub(crate) fn sum<F: From<Acting>>(
         &mut self,
         argument: &str,
         body: &body::RigidBody,
         value: &Bound<'_, PyAny>,
-    ) -> Result<Vec<Acting>, Error> {
+    ) -> Result<Vec<F>, Error> {
         if value.is_none() {
             return Ok(Vec::new());
         }
         match sequence(value) {
-            Some(list) => list.try_iter()?.map(|f| self.model(argument, body, &f?)).collect(),
-            None => Ok(vec![self.model(argument, body, value)?]),
+            Some(list) => list.try_iter()?.map(|f| Ok(self.model(argument, body, &f?)?.into())).collect(),
+            None => Ok(vec![self.model(argument, body, value)?.into()]),
         }
     }
 
-    /// The same as models of one kind.
-    pub(crate) fn sum(
-        &mut self,
-        argument: &str,
-        body: &body::RigidBody,
-        value: &Bound<'_, PyAny>,
-    ) -> Result<Vec<BoxedForce>, Error> {
-        Ok(self.some(argument, body, value)?.into_iter().map(BoxedForce::from).collect())
-    }
-
     /// What acts on each of several bodies: one entry for each, or one model for all.
-    pub(crate) fn each(
+    pub(crate) fn for_each<F: From<Acting>>(
         &mut self,
         argument: &str,
         bodies: &[body::RigidBody],
         value: &Bound<'_, PyAny>,
-    ) -> Result<Vec<Vec<Acting>>, Error> {
+    ) -> Result<Vec<Vec<F>>, Error> {
         match sequence(value) {
             Some(list) if list.len()? > 0 => {
                 // entries beyond the bodies are counted by the system
                 let each = bodies.iter().map(Some).chain(std::iter::repeat(None));
                 let each = list.try_iter()?.zip(each);
                 each.map(|(entry, body)| {
-                    body.map_or(Ok(Vec::new()), |body| self.some(argument, body, &entry?))
+                    body.map_or(Ok(Vec::new()), |body| self.sum(argument, body, &entry?))
                 })
                 .collect()
             }
             Some(_) => Ok(bodies.iter().map(|_| Vec::new()).collect()),
-            None => bodies.iter().map(|body| self.some(argument, body, value)).collect(),
+            None => bodies.iter().map(|body| self.sum(argument, body, value)).collect(),
         }
-    }
-
-    /// The same as models of one kind.
-    pub(crate) fn for_each(
-        &mut self,
-        argument: &str,
-        bodies: &[body::RigidBody],
-        value: &Bound<'_, PyAny>,
-    ) -> Result<Vec<Vec<BoxedForce>>, Error> {
-        let each = self.each(argument, bodies, value)?.into_iter();
-        Ok(each.map(|forces| forces.into_iter().map(BoxedForce::from).collect()).collect())
     }
 
     /// What acts between bodies.
