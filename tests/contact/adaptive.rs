@@ -8,10 +8,11 @@ use somersault_contact::models::{BouncingBall, SpinningTop};
 use somersault_contact::surface::{SignedDistance, Surface};
 use somersault_core::argument::ArgumentError;
 use somersault_integrators::body::RigidBody;
-use somersault_integrators::driver::{Adaptive, IntegrateError, Status, Steps};
+use somersault_integrators::driver::{Adaptive, IntegrateError, Status, Steps, TimeGrid};
 use somersault_integrators::events::{Interruption, LocatedResult, Location};
-use somersault_integrators::force::Gravity;
+use somersault_integrators::force::{Gravity, ScheduledTorque};
 use somersault_integrators::methods::{Dop853, Method, RungeKuttaMuntheKaas};
+use somersault_integrators::rotors::LinearSchedule;
 use somersault_integrators::run::Run;
 use somersault_integrators::solution::Recorder;
 use somersault_integrators::state::{Pose, RigidBodyState};
@@ -294,4 +295,28 @@ fn adapted_runs_refuse_bad_input() {
     let mut bad = start;
     bad.rate.linear.x = f64::NAN;
     assert!(matches!(attempt(Method::Rkmk5, &bad, (0.0, 1.0), good), InitialState { .. }));
+}
+
+/// In flight above a floor, about a principal axis: the angular momentum grows by the integral of the torque, which steps that end where the
+/// schedule bends have exactly.
+#[test]
+fn steps_end_where_a_schedule_bends() {
+    let pulse = LinearSchedule::try_new(vec![0.31, 0.32, 0.34], vec![0.0, 2.0, 0.0]).unwrap();
+    let none = LinearSchedule::constant(0.0);
+    let torque = ScheduledTorque { components: [none.clone(), none, pulse.clone()], is_in_body: true };
+    let system = ball().system;
+    let (body, (_, contacts)) = (system.body, system.forces.clone());
+    let system = BodyInContact::new(body, (torque, contacts));
+    let mut start = RigidBodyState::spinning(Vector3::z());
+    start.configuration.position.z = 5.0;
+    let spin = 1.0 + pulse.integral(1.0) / body.inertia().principal_moments().z;
+    for steps in
+        [Steps::adapted((0.0, 1.0), tolerance(1e-6)), TimeGrid::try_new(0.0, 1.0, 0.25).unwrap().into()]
+    {
+        for method in [Method::Rk4, Method::Rkmk8B] {
+            let run = Run::new(&system, method, steps).locating(Location::default()).from(&start).unwrap();
+            let error = (run.state.angular_velocity().z - spin).abs();
+            assert!(error < 1e-13 * spin, "{method}: {error:e}");
+        }
+    }
 }

@@ -517,6 +517,9 @@ impl<F: ForceModel> System for BodiesInContact<F> {
     fn partials(&self, w: &mut Vec<Twist>, t: f64, x: &State<Vec<Pose>>, out: &mut Partials<Vec<Pose>>) {
         self.0.partials(w, t, x, out);
     }
+    fn next_stop(&self, t: f64, end: f64) -> Option<f64> {
+        self.0.next_stop(t, end)
+    }
     fn depends_on_configuration(&self) -> bool {
         self.0.depends_on_configuration()
     }

@@ -495,6 +495,9 @@ impl<F: ForceModel> System for BodyInContact<F> {
     fn partials(&self, w: &mut (), t: f64, x: &RigidBodyState, out: &mut Partials<Pose>) {
         self.0.partials(w, t, x, out);
     }
+    fn next_stop(&self, t: f64, end: f64) -> Option<f64> {
+        self.0.next_stop(t, end)
+    }
     #[inline(always)]
     fn depends_on_configuration(&self) -> bool {
         self.0.depends_on_configuration()

@@ -174,6 +174,9 @@ impl<S: Touching> System for WithStretches<S> {
     fn acceleration(&self, w: &mut (), t: f64, x: &StateOf<Self>, out: &mut RateOf<Self>) {
         self.acceleration_in(&self.mode(t, x), w, t, x, out);
     }
+    fn next_stop(&self, t: f64, end: f64) -> Option<f64> {
+        self.0.next_stop(t, end)
+    }
     fn take_fault(&self) -> Option<Fault> {
         self.0.take_fault()
     }
@@ -218,10 +221,6 @@ impl<S: Touching> Hybrid for WithStretches<S> {
 
     fn next_mode(&self, before: &Vec<ContactMode>, _: f64, x: &StateOf<Self>) -> Vec<ContactMode> {
         self.next_mode_at(before, &x.configuration, &x.rate)
-    }
-
-    fn next_stop(&self, _: f64) -> Option<f64> {
-        None
     }
 
     fn event_kind(

@@ -66,6 +66,9 @@ impl<S: RigidSystem> System for Counted<S> {
     fn depends_on_configuration(&self) -> bool {
         self.inner.depends_on_configuration()
     }
+    fn next_stop(&self, t: f64, end: f64) -> Option<f64> {
+        self.inner.next_stop(t, end)
+    }
     fn take_fault(&self) -> Option<Fault> {
         self.inner.take_fault()
     }
@@ -148,5 +151,8 @@ impl<F: ForceModel> ForceModel for Counted<F> {
     fn add_in_lanes(&self, on: &StatesInLanes<'_>, sums: &mut WrenchesInLanes) {
         on.bodies().iter().for_each(|_| self.count());
         self.inner.add_in_lanes(on, sums);
+    }
+    fn next_stop(&self, t: f64, end: f64) -> Option<f64> {
+        self.inner.next_stop(t, end)
     }
 }

@@ -315,12 +315,13 @@ pub(crate) fn run_fixed<Q: Configuration>(
     Ok(show.outcome(engine, from, (t, grid.end), (n, 0)))
 }
 
-/// Adapted steps by an engine with an estimate that was started from a state, which is finite.
+/// Adapted steps by an engine with an estimate that was started from a state, which is finite. A step ends where the equations are not
+/// smooth, of which `next_stop` has the first time on the way from one to another.
 pub(crate) fn run_adaptive<Q: Configuration>(
     engine: &mut dyn Engine<Q>,
     initial: &State<Q>,
-    (start, end): (f64, f64),
-    settings: &Adaptive,
+    ((start, end), settings): ((f64, f64), &Adaptive),
+    next_stop: &dyn Fn(f64, f64) -> Option<f64>,
     observer: &mut dyn Observer<Q>,
 ) -> Result<Outcome<Q>, IntegrateError> {
     check_interval(start, end)?;
@@ -328,13 +329,17 @@ pub(crate) fn run_adaptive<Q: Configuration>(
     let (mut from, mut to) = (engine.keep(initial), engine.keep(initial));
     let mut control = engine.control(settings, start, from)?;
     let mut t = start;
+    let mut until = start;
     while t < end {
+        if t >= until {
+            until = next_stop(t, end).unwrap_or(end);
+        }
         if control.is_free()
             && let Some(longest) = engine.longest_step(from, &settings.tolerances)?
         {
             control.choose(longest);
         }
-        let (h, t_after) = control.propose(t, end)?;
+        let (h, t_after) = control.propose(t, until)?;
         let (error, unsolved) = judge(engine.attempt(t, h, from, to, &settings.tolerances))?;
         match control.accepts(t, h, error) {
             Ok(true) => {}

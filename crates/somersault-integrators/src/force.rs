@@ -16,6 +16,7 @@ use crate::series::WrenchTerm;
 use crate::state::{RigidBodyState, Twist};
 use crate::variation::{Tangent, central_difference};
 use nalgebra::{Matrix3, Vector3};
+use somersault_core::interval::nearest;
 use std::ops::Add;
 
 /// States that a body may reach: in any orientation, and no farther, faster or more quickly turning than this.
@@ -97,6 +98,12 @@ pub trait ForceModel {
     /// vector instructions or with what bodies have in common.
     fn add_in_lanes(&self, on: &StatesInLanes<'_>, sums: &mut WrenchesInLanes) {
         add_one_by_one(self, on, sums);
+    }
+
+    /// The first time on the way from `t` to `end`, which may be earlier, at which the wrench is not smooth in time; `None`, the default,
+    /// where there is none between them. Adapted steps end there, and so do all steps of runs that locate events.
+    fn next_stop(&self, _t: f64, _end: f64) -> Option<f64> {
+        None
     }
 
     /// Derivative of the wrench along a tangent to the state.
@@ -204,6 +211,9 @@ impl<A: ForceModel, B: ForceModel> ForceModel for (A, B) {
         self.0.add_in_lanes(on, sums);
         self.1.add_in_lanes(on, sums);
     }
+    fn next_stop(&self, t: f64, end: f64) -> Option<f64> {
+        nearest(t, [self.0.next_stop(t, end), self.1.next_stop(t, end)])
+    }
     #[inline]
     fn wrench_variation(
         &self,
@@ -249,6 +259,9 @@ impl ForceModel for BoxedForce {
     fn add_in_lanes(&self, on: &StatesInLanes<'_>, sums: &mut WrenchesInLanes) {
         (**self).add_in_lanes(on, sums);
     }
+    fn next_stop(&self, t: f64, end: f64) -> Option<f64> {
+        (**self).next_stop(t, end)
+    }
     fn wrench_variation(
         &self,
         t: f64,
@@ -289,6 +302,9 @@ impl ForceModel for Vec<BoxedForce> {
     }
     fn add_in_lanes(&self, on: &StatesInLanes<'_>, sums: &mut WrenchesInLanes) {
         self.iter().for_each(|f| f.add_in_lanes(on, sums));
+    }
+    fn next_stop(&self, t: f64, end: f64) -> Option<f64> {
+        nearest(t, self.iter().map(|f| f.next_stop(t, end)))
     }
     fn wrench_variation(
         &self,

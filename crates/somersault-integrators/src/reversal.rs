@@ -75,6 +75,9 @@ impl<F: ForceModel> ForceModel for TimeReversed<F> {
     fn add_in_lanes(&self, on: &StatesInLanes<'_>, sums: &mut WrenchesInLanes) {
         add_one_by_one(self, on, sums);
     }
+    fn next_stop(&self, s: f64, end: f64) -> Option<f64> {
+        self.0.next_stop(-s, -end).map(|t| -t)
+    }
     fn wrench_variation(
         &self,
         s: f64,
@@ -138,6 +141,9 @@ impl<S: System<Forms = OneForm>> System for TimeReversed<S> {
     }
     fn depends_on_configuration(&self) -> bool {
         self.0.depends_on_configuration()
+    }
+    fn next_stop(&self, s: f64, end: f64) -> Option<f64> {
+        self.0.next_stop(-s, -end).map(|t| -t)
     }
     fn take_fault(&self) -> Option<Fault> {
         self.0.take_fault()

@@ -35,7 +35,7 @@ use somersault_core::Inertia;
 use somersault_core::argument::{
     ArgumentError, expect_direction, expect_finite, expect_least, expect_length, expect_not_negative,
 };
-use somersault_core::interval::fraction_between;
+use somersault_core::interval::{first_between, fraction_between, nearest};
 
 /// A function of time that is linear between given times, and constant before the first and after the last.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,17 +44,20 @@ pub struct LinearSchedule {
     values: Vec<f64>,
     /// From t = 0 to each of the times.
     integrals: Vec<f64>,
+    /// The times at which it is not smooth.
+    kinks: Vec<f64>,
 }
 
 impl LinearSchedule {
     /// The same at all times.
     pub fn constant(value: f64) -> Self {
-        Self { times: vec![0.0], values: vec![value], integrals: vec![0.0] }
+        Self { times: vec![0.0], values: vec![value], integrals: vec![0.0], kinks: Vec::new() }
     }
 
     /// Linear between `times`, which increase.
     ///
-    /// A method keeps its order where its steps end at these times; adapted steps become shorter there.
+    /// Adapted steps end at these times, and so do all steps of runs that locate events; with other fixed steps a method keeps its order
+    /// where the times are points of the grid.
     pub fn try_new(times: Vec<f64>, values: Vec<f64>) -> Result<Self, ArgumentError> {
         expect_least("times", times.len(), 1)?;
         expect_length("values", values.len(), times.len())?;
@@ -69,7 +72,12 @@ impl LinearSchedule {
             let part = 0.5 * (values[i] + values[i - 1]) * (times[i] - times[i - 1]);
             integrals.push(integrals[i - 1] + part);
         }
-        let mut schedule = Self { times, values, integrals };
+        let bends = |i: &usize| {
+            let around = &values[i.saturating_sub(1)..values.len().min(i + 2)];
+            around.iter().any(|value| *value != values[*i])
+        };
+        let kinks = (0..times.len()).filter(bends).map(|i| times[i]).collect();
+        let mut schedule = Self { times, values, integrals, kinks };
         let origin = schedule.integral(0.0);
         schedule.integrals.iter_mut().for_each(|x| *x -= origin);
         match schedule.integrals.iter().find(|integral| !integral.is_finite()) {
@@ -112,6 +120,12 @@ impl LinearSchedule {
         self.integrals[from] + 0.5 * (before + self.value(t)) * (t - start)
     }
 
+    /// The first time on the way from `t` to `end` at which it is not smooth: a time of the schedule, unless the values before and after
+    /// are the same.
+    pub(crate) fn next_kink(&self, t: f64, end: f64) -> Option<f64> {
+        first_between(&self.kinks, t, end)
+    }
+
     /// The largest magnitude.
     pub(crate) fn largest(&self) -> f64 {
         self.values.iter().fold(0.0, |most, x| x.abs().max(most))
@@ -125,6 +139,9 @@ pub trait RotorMomentum {
 
     /// Bounds of |H| and |H'| at all times; `None` where H grows without end.
     fn momentum_bound(&self) -> Option<(f64, f64)>;
+
+    /// As [`ForceModel::next_stop`].
+    fn next_stop(&self, t: f64, end: f64) -> Option<f64>;
 }
 
 /// The torque of rotors on the body that carries them, R (H × ω − H').
@@ -140,6 +157,9 @@ impl<M: RotorMomentum> ForceModel for Rotors<M> {
     fn bound(&self, _: &RigidBody, reach: &Reach) -> Option<WrenchBound> {
         let (momentum, change) = self.0.momentum_bound()?;
         Some(WrenchBound { force: 0.0, torque: momentum * reach.spin + change })
+    }
+    fn next_stop(&self, t: f64, end: f64) -> Option<f64> {
+        self.0.next_stop(t, end)
     }
     fn wrench_variation(&self, t: f64, _: &RigidBody, x: &RigidBodyState, along: &Tangent<Twist>) -> Wrench {
         let (momentum, change) = self.0.momentum(t);
@@ -227,6 +247,9 @@ impl RotorMomentum for ReactionWheels {
         let momentum = self.0.iter().map(|wheel| wheel.momentum.abs()).sum();
         (!self.0.iter().any(is_driven)).then_some((momentum, 0.0))
     }
+    fn next_stop(&self, t: f64, end: f64) -> Option<f64> {
+        nearest(t, self.0.iter().map(|wheel| wheel.torque.next_kink(t, end)))
+    }
 }
 
 /// A control moment gyro on a single gimbal.
@@ -305,5 +328,8 @@ impl RotorMomentum for ControlMomentGyros {
             let size = gyro.momentum.abs();
             (momentum + size, change + size * gyro.rate.largest())
         }))
+    }
+    fn next_stop(&self, t: f64, end: f64) -> Option<f64> {
+        nearest(t, self.0.iter().map(|gyro| gyro.rate.next_kink(t, end)))
     }
 }

@@ -192,9 +192,13 @@ impl<'a, S: System, M> Run<'a, S, M> {
         check_state(initial)?;
         let run = drive(&method, system, initial, &steps, observer, &mut |engine, observer| match &steps {
             Steps::Fixed(grid) => run_fixed(engine, initial, grid, observer),
-            Steps::Adapted { interval, settings } => {
-                run_adaptive(engine, initial, *interval, settings, observer)
-            }
+            Steps::Adapted { interval, settings } => run_adaptive(
+                engine,
+                initial,
+                (*interval, settings),
+                &|t, end| system.next_stop(t, end),
+                observer,
+            ),
         });
         run.and_then(std::convert::identity).map_err(|error| explain(system, error))
     }

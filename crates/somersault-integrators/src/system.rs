@@ -21,6 +21,7 @@ use crate::scratch::Scratch;
 use crate::series::WrenchTerm;
 use crate::state::{Configuration, Pose, Poses, Rate, RigidBodyState, State, Twist};
 use nalgebra::Vector3;
+use somersault_core::interval::nearest;
 use std::sync::Arc;
 
 /// State of a system.
@@ -73,6 +74,14 @@ pub trait System {
     ) {
         out.by_differences(x, |x, acceleration| self.acceleration(w, t, x, acceleration));
     }
+    /// The first time on the way from `t` to `end`, which may be earlier, at which the equations are not smooth, such as a knot of a force
+    /// that is given at knots of time; `None`, the default, where they are smooth between them.
+    ///
+    /// Adapted steps end there, and so do all steps of runs that locate events, whose stages are evaluated on the near side only, so that
+    /// forces may jump.
+    fn next_stop(&self, _t: f64, _end: f64) -> Option<f64> {
+        None
+    }
     /// Takes the reason why values since it was taken last are NaN, where the system keeps one: a run puts it in the place
     /// of the error that the NaN led to.
     fn take_fault(&self) -> Option<Fault> {
@@ -103,6 +112,9 @@ impl<S: System + ?Sized> System for &S {
     }
     fn partials(&self, w: &mut S::Workspace, t: f64, x: &StateOf<S>, out: &mut Partials<S::Configuration>) {
         (**self).partials(w, t, x, out);
+    }
+    fn next_stop(&self, t: f64, end: f64) -> Option<f64> {
+        (**self).next_stop(t, end)
     }
     fn take_fault(&self) -> Option<Fault> {
         (**self).take_fault()
@@ -274,6 +286,9 @@ impl<F: ForceModel> System for RigidBodySystem<F> {
             let wrench = self.forces.wrench(t, &self.body, x);
             world_acceleration(&self.body, x, &Twist { linear: wrench.force, angular: wrench.torque })
         };
+    }
+    fn next_stop(&self, t: f64, end: f64) -> Option<f64> {
+        self.forces.next_stop(t, end)
     }
 }
 
@@ -455,6 +470,9 @@ impl<F: ForceModel, I: Interaction> System for RigidBodiesSystem<F, I> {
             let state = State { configuration: x.configuration[i], rate: x.rate[i] };
             out[i] = world_acceleration(body, &state, &wrenches[i]);
         }
+    }
+    fn next_stop(&self, t: f64, end: f64) -> Option<f64> {
+        nearest(t, self.forces.iter().map(|force| force.next_stop(t, end)))
     }
 }
 

@@ -242,6 +242,10 @@ impl<F: ForceModel> Differentiable for BodyInContact<F> {
         self.clear_time(mode, t, &state::<F>(x), guards, horizon)
     }
 
+    fn next_stop_between(&self, t: f64, end: f64) -> Option<f64> {
+        self.next_stop(t, end)
+    }
+
     fn examine_in(&self, guard: usize, x: At<'_, Self>) -> Result<(), SurfaceFault> {
         self.examine(guard, &state::<F>(x))
     }

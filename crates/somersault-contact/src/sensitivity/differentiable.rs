@@ -85,10 +85,8 @@ pub trait Differentiable: Linearized {
         horizon: f64,
     ) -> f64;
 
-    /// As [`Hybrid::next_stop`](somersault_integrators::events::Hybrid::next_stop); `None`, the default, where all forces are smooth.
-    fn next_stop_after(&self, _t: f64) -> Option<f64> {
-        None
-    }
+    /// As [`System::next_stop`](somersault_integrators::system::System::next_stop).
+    fn next_stop_between(&self, t: f64, end: f64) -> Option<f64>;
 
     /// As [`Hybrid::examine`](somersault_integrators::events::Hybrid::examine).
     fn examine_in(&self, guard: usize, x: At<'_, Self>) -> Result<(), SurfaceFault>;

@@ -321,6 +321,10 @@ impl<S: Differentiable> System for Variational<'_, S> {
         self.partials_in(&self.mode(t, x), w, t, x, out);
     }
 
+    fn next_stop(&self, t: f64, end: f64) -> Option<f64> {
+        self.system.next_stop_between(t, end)
+    }
+
     fn take_fault(&self) -> Option<Fault> {
         self.system.fault()
     }
@@ -443,10 +447,6 @@ impl<S: Differentiable> Hybrid for Variational<'_, S> {
             w.vary(system, mode, t, at, (&displacement.base.base, &change.base), |_| {}, |_| None, variables);
             system.acceleration_change(&mut w.system, at, base);
         });
-    }
-
-    fn next_stop(&self, t: f64) -> Option<f64> {
-        self.system.next_stop_after(t)
     }
 
     /// The saltation of the columns, and the stretches of contacts that begin and end.

@@ -9,7 +9,7 @@ use crate::shape::Feature;
 use crate::surface::SurfaceFault;
 use crate::tree::{TreeInContact, TreeRoom};
 use nalgebra::DMatrix;
-use somersault_integrators::events::{Energy, Guard, Hybrid, Sweep};
+use somersault_integrators::events::{Energy, Guard, Sweep};
 use somersault_integrators::system::{Fault, OneForm, System};
 use somersault_integrators::variation::Tangent;
 use somersault_multibody::motion::{Coordinates, JointDrive, Rates, TreeForces, TreeState};
@@ -121,8 +121,8 @@ impl<F: TreeForces, D: JointDrive> Differentiable for TreeInContact<'_, F, D> {
         self.clear_time_at(mode, x, guards, horizon)
     }
 
-    fn next_stop_after(&self, t: f64) -> Option<f64> {
-        self.next_stop(t)
+    fn next_stop_between(&self, t: f64, end: f64) -> Option<f64> {
+        self.next_stop(t, end)
     }
 
     fn examine_in(&self, guard: usize, x: At<'_, Self>) -> Result<(), SurfaceFault> {

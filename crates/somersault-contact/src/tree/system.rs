@@ -364,6 +364,10 @@ impl<F: TreeForces, D: JointDrive> System for TreeInContact<'_, F, D> {
         self.partials_in(&self.mode(t, x), w, t, x, out);
     }
 
+    fn next_stop(&self, t: f64, end: f64) -> Option<f64> {
+        self.tree.next_stop(t, end)
+    }
+
     fn take_fault(&self) -> Option<Fault> {
         self.tree.take_fault()
     }
@@ -575,10 +579,6 @@ impl<F: TreeForces, D: JointDrive> Hybrid for TreeInContact<'_, F, D> {
         if !out.is_finite() {
             out.by_differences(x, |x, slope| self.acceleration_in(mode, w, t, x, slope));
         }
-    }
-
-    fn next_stop(&self, t: f64) -> Option<f64> {
-        self.tree.forces().next_stop(t)
     }
 
     /// Contacts begin and end without stretch.

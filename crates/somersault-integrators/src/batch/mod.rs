@@ -57,6 +57,7 @@ use free::{TILE, Tile};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 use somersault_core::cancel::CancellationToken;
+use somersault_core::interval::nearest;
 use std::cmp::Reverse;
 use std::fmt;
 
@@ -498,19 +499,22 @@ impl<'a> AdaptedRuns<'a> {
 }
 
 /// Where the run of one of the bodies of a tile is.
-struct OneRun {
+struct OneRun<'a> {
+    force: ForceOnBody<'a>,
     t: f64,
+    /// Where a step ends at the latest.
+    until: f64,
     /// Where the step that is tried ends.
     t_after: f64,
     control: StepSizeControl,
     kept: Vec<RigidBodyState>,
 }
 
-impl OneRun {
+impl<'a> OneRun<'a> {
     fn try_new(
         body: &RigidBody,
         x: &RigidBodyState,
-        force: ForceOnBody<'_>,
+        force: ForceOnBody<'a>,
         t: f64,
         settings: &Adaptive,
         t_eval: &[f64],
@@ -519,15 +523,19 @@ impl OneRun {
         let system = RigidBodySystem::new(*body, force);
         let control =
             StepSizeControl::try_new(settings, &RungeKuttaMuntheKaas::<Dop853>::INFO, &system, t, x)?;
-        let mut run = Self { t, t_after: t, control, kept: Vec::with_capacity(t_eval.len()) };
+        let kept = Vec::with_capacity(t_eval.len());
+        let mut run = Self { force, t, until: t, t_after: t, control, kept };
         run.keep(t_eval, || *x);
         Ok(run)
     }
 
-    /// The next step towards the next of the times, zero behind the last.
+    /// The next step towards the next of the times, zero behind the last. A step ends where a force is not smooth.
     fn propose(&mut self, t_eval: &[f64]) -> Result<f64, IntegrateError> {
         let Some(&end) = t_eval.get(self.kept.len()) else { return Ok(0.0) };
-        let (h, t_after) = self.control.propose(self.t, end)?;
+        if self.t >= self.until {
+            self.until = self.force.next_stop(self.t, f64::INFINITY).unwrap_or(f64::INFINITY);
+        }
+        let (h, t_after) = self.control.propose(self.t, end.min(self.until))?;
         self.t_after = t_after;
         Ok(h)
     }
@@ -550,6 +558,7 @@ impl OneRun {
 }
 
 /// All that acts on a body.
+#[derive(Clone, Copy)]
 struct ForceOnBody<'a> {
     terms: &'a [WrenchTerm],
     others: Forces<'a>,
@@ -559,6 +568,9 @@ impl ForceModel for ForceOnBody<'_> {
     fn wrench(&self, t: f64, body: &RigidBody, x: &RigidBodyState) -> Wrench {
         let of_terms = self.terms.iter().fold(Wrench::default(), |sum, term| sum + term.wrench(x));
         self.others.iter().fold(of_terms, |sum, force| sum + force.wrench(t, body, x))
+    }
+    fn next_stop(&self, t: f64, end: f64) -> Option<f64> {
+        nearest(t, self.others.iter().map(|force| force.next_stop(t, end)))
     }
 }
 

@@ -80,14 +80,6 @@ pub trait Hybrid: System {
         out.by_differences(x, |x, acceleration| self.acceleration_in(mode, w, t, x, acceleration));
     }
 
-    /// The first time after `t` at which the equations are not smooth, such as a knot of a force that is given at knots of time; `None`
-    /// where they are smooth at all later times, which is the default.
-    ///
-    /// A step ends there, and its stages are evaluated at earlier times only, so that forces may jump.
-    fn next_stop(&self, _t: f64) -> Option<f64> {
-        None
-    }
-
     /// What it is called that a guard changed sign, given the modes before and after the event.
     fn event_kind(
         &self,
@@ -229,9 +221,6 @@ impl<S: Hybrid + ?Sized> Hybrid for &S {
     ) {
         (**self).partials_in(mode, w, t, x, out);
     }
-    fn next_stop(&self, t: f64) -> Option<f64> {
-        (**self).next_stop(t)
-    }
     fn event_kind(
         &self,
         guard: usize,
@@ -315,9 +304,9 @@ impl<'a, H: Hybrid> Frozen<'a, H> {
         frozen
     }
 
-    /// Begins steps from t; returns the time at which they must end ([`Hybrid::next_stop`]), which may be infinite.
+    /// Begins steps from t; returns the time at which they must end ([`System::next_stop`]), which may be infinite.
     pub fn begin(&self, t: f64) -> f64 {
-        let stop = self.system.next_stop(t).unwrap_or(f64::INFINITY);
+        let stop = self.system.next_stop(t, f64::INFINITY).unwrap_or(f64::INFINITY);
         self.last.set(if stop.is_finite() { stop.next_down() } else { stop });
         stop
     }
@@ -404,6 +393,9 @@ impl<H: Hybrid> System for Frozen<'_, H> {
     /// What the equations of a mode depend on is not known.
     fn depends_on_configuration(&self) -> bool {
         true
+    }
+    fn next_stop(&self, t: f64, end: f64) -> Option<f64> {
+        self.system.next_stop(t, end)
     }
     fn take_fault(&self) -> Option<Fault> {
         self.system.take_fault()

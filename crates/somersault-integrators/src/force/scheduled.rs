@@ -8,10 +8,12 @@ use crate::rotors::LinearSchedule;
 use crate::state::{RigidBodyState, Twist};
 use crate::variation::Tangent;
 use nalgebra::Vector3;
+use somersault_core::interval::nearest;
 
 /// A torque about the centre of mass that is linear between given times, fixed in the world or in the body.
 ///
-/// A method keeps its order where its steps end at these times; adapted steps become shorter there.
+/// Adapted steps end at these times, and so do all steps of runs that locate events; with other fixed steps a method keeps its order where
+/// the times are points of the grid.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ScheduledTorque {
     /// The three components, N m.
@@ -38,6 +40,9 @@ impl ForceModel for ScheduledTorque {
     }
     fn depends_on_velocity(&self) -> bool {
         false
+    }
+    fn next_stop(&self, t: f64, end: f64) -> Option<f64> {
+        nearest(t, self.components.iter().map(|component| component.next_kink(t, end)))
     }
     fn bound(&self, _: &RigidBody, _: &Reach) -> Option<WrenchBound> {
         let largest = Vector3::from(self.components.each_ref().map(LinearSchedule::largest));

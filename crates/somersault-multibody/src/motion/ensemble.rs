@@ -8,6 +8,7 @@ use crate::many::LaneData;
 use crate::model::Model;
 use crate::spatial::Force;
 use somersault_core::argument::expect_length;
+use somersault_core::interval::nearest;
 use somersault_integrators::system::{Fault, OneForm, System};
 
 /// Copies of one tree that do not see each other, each under forces of its own, as one system.
@@ -157,6 +158,10 @@ impl<F: TreeForces> System for TreeEnsemble<'_, F> {
             let (v, a) = (&w.v[of.clone()], &w.acceleration[of.clone()]);
             self.model.second_rates(&q[i * n_q..(i + 1) * n_q], v, a, &mut out[of]);
         }
+    }
+
+    fn next_stop(&self, t: f64, end: f64) -> Option<f64> {
+        nearest(t, self.forces.iter().map(|forces| forces.next_stop(t, end)))
     }
 
     fn take_fault(&self) -> Option<Fault> {

@@ -6,6 +6,7 @@ use crate::error::DynamicsError;
 use crate::kinematics::Velocities;
 use crate::model::Model;
 use crate::spatial::Force;
+use somersault_core::interval::nearest;
 
 /// Joint forces and wrenches on a tree.
 ///
@@ -26,9 +27,9 @@ pub trait TreeForces {
         true
     }
 
-    /// The first time after `t` at which the forces are not smooth in time; `None`, the default, where there is no such time. Runs that
-    /// locate events end a step there.
-    fn next_stop(&self, _t: f64) -> Option<f64> {
+    /// The first time on the way from `t` to `end`, which may be earlier, at which the forces are not smooth in time; `None`, the default,
+    /// where there is none between them. Adapted steps end there, and so do all steps of runs that locate events.
+    fn next_stop(&self, _t: f64, _end: f64) -> Option<f64> {
         None
     }
 
@@ -75,8 +76,8 @@ impl<A: TreeForces, B: TreeForces> TreeForces for (A, B) {
     fn depends_on_state(&self) -> bool {
         self.0.depends_on_state() || self.1.depends_on_state()
     }
-    fn next_stop(&self, t: f64) -> Option<f64> {
-        self.0.next_stop(t).into_iter().chain(self.1.next_stop(t)).reduce(f64::min)
+    fn next_stop(&self, t: f64, end: f64) -> Option<f64> {
+        nearest(t, [self.0.next_stop(t, end), self.1.next_stop(t, end)])
     }
     fn potential(&self, q: &[f64]) -> Option<f64> {
         Some(self.0.potential(q)? + self.1.potential(q)?)
@@ -102,8 +103,8 @@ impl TreeForces for Box<dyn TreeForces + Send + Sync> {
     fn depends_on_state(&self) -> bool {
         (**self).depends_on_state()
     }
-    fn next_stop(&self, t: f64) -> Option<f64> {
-        (**self).next_stop(t)
+    fn next_stop(&self, t: f64, end: f64) -> Option<f64> {
+        (**self).next_stop(t, end)
     }
     fn potential(&self, q: &[f64]) -> Option<f64> {
         (**self).potential(q)

@@ -4,7 +4,7 @@ use super::TreeForces;
 use crate::error::DynamicsError;
 use nalgebra::DMatrix;
 use somersault_core::argument::{expect_finite, expect_least, expect_length, expect_range};
-use somersault_core::interval::fraction_between;
+use somersault_core::interval::{first_between, fraction_between};
 use std::sync::Arc;
 
 /// The interpolation between knots.
@@ -59,11 +59,6 @@ impl Knots {
         (knot, part)
     }
 
-    /// The first knot after a time.
-    pub fn after(&self, t: f64) -> Option<f64> {
-        self.times.get(self.times.partition_point(|time| *time <= t)).copied()
-    }
-
     /// The derivative of the value at a time by that at a knot.
     pub fn weight(&self, knot: usize, t: f64) -> f64 {
         let (before, part) = self.place(t);
@@ -77,8 +72,9 @@ impl Knots {
     }
 }
 
-/// Joint forces of a tree given at knots of time, N or N m: they depend on time alone and are not smooth at the knots. Runs that
-/// locate events end a step at each knot, so that methods keep their order; in other runs the knots must be points of the grid.
+/// Joint forces of a tree given at knots of time, N or N m: they depend on time alone and are not smooth at the knots.
+/// Adapted steps end at each knot, and so do all steps of runs that locate events, so that methods keep their order; of other fixed steps
+/// the knots must be points of the grid.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TorqueProfile {
     knots: Knots,
@@ -123,8 +119,8 @@ impl TreeForces for TorqueProfile {
         false
     }
 
-    fn next_stop(&self, t: f64) -> Option<f64> {
-        self.knots.after(t)
+    fn next_stop(&self, t: f64, end: f64) -> Option<f64> {
+        first_between(&self.knots.times, t, end)
     }
 }
 

@@ -175,6 +175,10 @@ impl<F: TreeForces, D: JointDrive> System for TreeSystem<'_, F, D> {
         w.variation = Some(variation);
     }
 
+    fn next_stop(&self, t: f64, end: f64) -> Option<f64> {
+        self.forces.next_stop(t, end)
+    }
+
     fn take_fault(&self) -> Option<Fault> {
         self.failure.take()
     }

@@ -26,6 +26,7 @@ use somersault::integrators::series::WrenchTerm;
 use somersault::integrators::solution::check_times;
 use somersault::integrators::state::{Pose, RigidBodyState};
 use somersault::integrators::system::{RigidBodySystem, RigidSystem};
+use std::borrow::Cow;
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -302,7 +303,7 @@ struct Asked<'a, 'py> {
 }
 
 impl Batch {
-    fn run(self, py: Python<'_>, asked: &Asked<'_, '_>) -> Result<Trajectory, Error> {
+    fn run(mut self, py: Python<'_>, asked: &Asked<'_, '_>) -> Result<Trajectory, Error> {
         let (n, [start, end]) = (self.bodies.len(), self.interval);
         let method = asked.method.map(|method| methods::extract("method", method)).transpose()?;
         let method = method.unwrap_or(if asked.dt.is_some() { Method::RkmkB } else { Method::Rkmk8B });
@@ -310,24 +311,30 @@ impl Batch {
         let dt = asked.dt.map(|dt| numbers_or_one("dt", n, dt)).transpose()?;
         let forces = asked.forces.filter(|forces| !forces.is_none());
         let failure = Failure::default();
-        let acting: Vec<Vec<Acting>> = match forces {
+        let acting: Option<Vec<Vec<Acting>>> = match forces {
             Some(forces) => {
                 let mut reader = Reader { failure: failure.clone(), calls_python: false };
                 let acting = reader.for_each("forces", &self.bodies, forces)?;
                 expect_length("forces", n, acting.len())?;
-                acting
+                Some(acting)
             }
-            None => self.bodies.iter().map(|_| Vec::new()).collect(),
+            None => None,
         };
-        let steps = match &dt {
-            Some(dt) => dt.iter().map(|dt| steps_of(Some(*dt))).collect::<Result<_, _>>()?,
-            None => vec![steps_of(None)?; n],
-        };
+        let mut acting = acting.map(Vec::into_iter);
         let are_lanes = method == if dt.is_some() { Method::RkmkB } else { Method::Rkmk8B };
 
         let (mut free, mut forced, mut others) = (Vec::new(), Forced::default(), Vec::new());
-        let mut forces_of_others = Vec::new();
-        for (i, acting) in acting.into_iter().enumerate() {
+        let (mut steps_of_others, mut forces_of_others) = (Vec::new(), Vec::new());
+        // Most bodies of a batch have the same steps as the one before.
+        let dt_of = |i: usize| dt.as_ref().and_then(|dt| dt.get(i).copied());
+        let mut dt_before = dt_of(0);
+        let mut steps = steps_of(dt_before)?;
+        for i in 0..n {
+            let acting = acting.as_mut().and_then(Iterator::next).unwrap_or_default();
+            if dt_of(i) != dt_before {
+                dt_before = dt_of(i);
+                steps = steps_of(dt_before)?;
+            }
             let callables = acting.iter().any(|force| matches!(force, Acting::Callable(_)));
             if are_lanes && dt.is_some() && acting.is_empty() {
                 free.push(i);
@@ -335,6 +342,7 @@ impl Batch {
                 forced.add(i, &self.bodies[i], &self.gravity, acting);
             } else {
                 others.push(i);
+                steps_of_others.push(steps);
                 forces_of_others.push(acting.into_iter().map(BoxedForce::from).collect());
             }
         }
@@ -354,12 +362,12 @@ impl Batch {
                 runs.with_forces(&lists)?.advance(states, token)
             })?;
             self.keep(summed, moved, &mut kept);
-        } else if let Some(Steps::Adapted { settings, .. }) = steps.first().filter(|_| !summed.is_empty()) {
-            let moved = self.adapted_in_lanes(py, summed, settings, &forced.terms, &lists)?;
+        } else if let Some(Steps::Adapted { settings, .. }) = Some(steps).filter(|_| !summed.is_empty()) {
+            let moved = self.adapted_in_lanes(py, summed, &settings, &forced.terms, &lists)?;
             self.keep(summed, moved, &mut kept);
         }
         if !others.is_empty() {
-            let moved = self.one_by_one(py, &others, method, &steps, forces_of_others, &failure)?;
+            let moved = self.one_by_one(py, &others, method, &steps_of_others, forces_of_others, &failure)?;
             self.keep(&others, moved, &mut kept);
         }
         Ok(Trajectory::new(Cast { bodies: self.bodies, single: false }, self.times, kept))
@@ -380,7 +388,7 @@ impl Batch {
 
     /// Some of the bodies by the method in vector lanes, from each time of the record to the next.
     fn in_lanes(
-        &self,
+        &mut self,
         py: Python<'_>,
         members: &[usize],
         dt: &[f64],
@@ -393,9 +401,13 @@ impl Batch {
         + Sync,
     ) -> Result<Vec<RigidBodyState>, Error> {
         let (n, mut now) = (members.len(), self.interval[0]);
-        let bodies: Vec<_> = members.iter().map(|&i| self.bodies[i]).collect();
-        let mut kept = Vec::with_capacity(self.times.len() * n);
-        kept.extend(members.iter().map(|&i| self.states[i]));
+        let mut kept = if n == self.states.len() {
+            std::mem::take(&mut self.states)
+        } else {
+            members.iter().map(|&i| self.states[i]).collect()
+        };
+        kept.reserve_exact(self.times.len().saturating_sub(1) * n);
+        let bodies = chosen(&self.bodies, members);
         for (k, &t) in self.times.iter().enumerate() {
             if k > 0 {
                 kept.extend_from_within((k - 1) * n..);
@@ -423,8 +435,7 @@ impl Batch {
         forces: &[Forces<'_>],
     ) -> Result<Vec<RigidBodyState>, Error> {
         self.expect_room_at_times(members.len())?;
-        let bodies: Vec<_> = members.iter().map(|&i| self.bodies[i]).collect();
-        let states: Vec<_> = members.iter().map(|&i| self.states[i]).collect();
+        let (bodies, states) = (chosen(&self.bodies, members), chosen(&self.states, members));
         let moved = cancel_on_signal(py, |token| {
             let runs = AdaptedRuns::try_new(&bodies, self.interval.into(), *settings, terms);
             let runs = runs.and_then(|runs| runs.with_forces(forces));
@@ -461,17 +472,16 @@ impl Batch {
         if gravity.acceleration != Vector3::zeros() {
             models.iter_mut().for_each(|models| models.push(Box::new(*gravity)));
         }
-        let states: Vec<_> = members.iter().map(|&i| states[i]).collect();
-        let steps: Vec<_> = members.iter().map(|&i| steps[i]).collect();
+        let states = chosen(states, members);
         let are_free = models.iter().all(Vec::is_empty);
         let runs = members.iter().map(|&i| bodies[i]).zip(models);
         let moved = if are_free {
             let systems: Vec<_> = runs.map(|(body, _)| RigidBodySystem::free(body)).collect();
-            self.each_recorded(py, members, &systems, method, &steps, &states)
+            self.each_recorded(py, members, &systems, method, steps, &states)
         } else {
             let forced = |(body, models)| Counted::new(RigidBodySystem::new(body, models));
             let systems: Vec<_> = runs.map(forced).collect();
-            self.each_recorded(py, members, &systems, method, &steps, &states)
+            self.each_recorded(py, members, &systems, method, steps, &states)
         };
         if let Some(error) = failure.get() {
             return Err(error.clone_ref(py).into());
@@ -496,6 +506,15 @@ impl Batch {
             let runs = Runs::new(systems, method, steps).recorded(states, &self.times, token);
             runs.map_err(|error| error.among(members))
         })
+    }
+}
+
+/// Those of the members, which increase, among all: of all where they are all.
+fn chosen<'a, T: Copy>(all: &'a [T], members: &[usize]) -> Cow<'a, [T]> {
+    if members.len() == all.len() {
+        Cow::Borrowed(all)
+    } else {
+        Cow::Owned(members.iter().map(|&i| all[i]).collect())
     }
 }
 

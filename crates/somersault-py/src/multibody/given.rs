@@ -110,9 +110,9 @@ impl TreeForces for &Given {
     fn depends_on_state(&self) -> bool {
         self.is_callable()
     }
-    fn next_stop(&self, t: f64) -> Option<f64> {
+    fn next_stop(&self, t: f64, end: f64) -> Option<f64> {
         match &self.source {
-            Source::Profile(profile) => profile.next_stop(t),
+            Source::Profile(profile) => profile.next_stop(t, end),
             Source::Numbers(_) | Source::Callable { .. } => None,
         }
     }

@@ -124,6 +124,9 @@ impl force::ForceModel for Shared {
     fn add_in_lanes(&self, on: &StatesInLanes<'_>, sums: &mut WrenchesInLanes) {
         self.0.add_in_lanes(on, sums);
     }
+    fn next_stop(&self, t: f64, end: f64) -> Option<f64> {
+        self.0.next_stop(t, end)
+    }
     fn wrench_variation(
         &self,
         t: f64,

@@ -87,8 +87,8 @@ fn columns_at<'py>(
 ///
 /// Notes
 /// -----
-/// A method keeps its order where its steps end at `times`; adapted steps become short there. Source: P. C. Hughes, Spacecraft Attitude
-/// Dynamics, Wiley 1986, §3.5.
+/// Adapted steps end at `times`, and so do all steps where contacts are located; with other fixed steps a method keeps its order where
+/// `times` are points of the grid. Source: P. C. Hughes, Spacecraft Attitude Dynamics, Wiley 1986, §3.5.
 ///
 /// Examples
 /// --------

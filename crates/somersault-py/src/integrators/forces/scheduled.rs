@@ -39,8 +39,8 @@ pub(super) fn rows<'a>(
 
 /// Torque about the centre of mass that is linear between given times, fixed in the world or in the body.
 ///
-/// Before the first time and after the last it is constant. A method keeps its order where its steps end at these times; adapted
-/// steps become shorter there.
+/// Before the first time and after the last it is constant. Adapted steps end at these times, and so do all steps where contacts are
+/// located; with other fixed steps a method keeps its order where the times are points of the grid.
 ///
 /// Parameters
 /// ----------
