@@ -15,7 +15,8 @@ help:
 		/^[a-z][a-z-]*:( |$$)/ { printf "  make %-13s %s\n", substr($$1, 1, length($$1) - 1), said } { said = "" }' Makefile
 
 # The guided tour: a report with what the library does and how it is known to be right.
-tour: $(VENV)/.extension $(VENV)/.tour
+tour:
+	$(MAKE) --jobs 2 $(VENV)/.extension $(VENV)/.tour
 	$(BIN)/python -m tour
 
 # Everything that must pass. What waits for the network or for one core leaves the other to the compiler.
@@ -131,7 +132,7 @@ $(VENV)/.tools:
 
 # The package, editable, with its extension in the release profile.
 $(VENV)/.extension: $(VENV)/.tools pyproject.toml $(RUST_SOURCES)
-	$(BIN)/maturin develop --release --uv --extras docs,plot
+	MAKEFLAGS= $(BIN)/maturin develop --release --uv --extras docs,plot
 	rm -f $(VENV)/.extension-dev
 	touch $@
 
