@@ -45,7 +45,7 @@ TOP_STEP = 2.5e-5
 
 FULL = Setting(
     inertias=100,
-    other_inertias=30,
+    other_inertias=100,
     finest=-5.0,
     repeats=7,
     bodies=10_000,
