@@ -100,8 +100,8 @@ pub trait ForceModel {
         add_one_by_one(self, on, sums);
     }
 
-    /// The first time on the way from `t` to `end`, which may be earlier, at which the wrench is not smooth in time; `None`, the default,
-    /// where there is none between them. Adapted steps end there, and so do all steps of runs that locate events.
+    /// The first time on the way from `t` to `end`, which may be earlier, at which the wrench is not smooth in time; by default `None`: it is
+    /// smooth in between. Adapted steps end at that time, and so do all steps of runs that locate events.
     fn next_stop(&self, _t: f64, _end: f64) -> Option<f64> {
         None
     }
