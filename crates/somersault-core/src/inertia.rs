@@ -91,6 +91,7 @@ const ROUNDING: f64 = 1e-12;
 
 impl Inertia {
     /// Inertia with the body axes as principal axes and `moments` along them.
+    #[inline]
     pub fn try_principal(moments: Vector3<f64>) -> Result<Self, InertiaError> {
         finite("moments", moments.as_slice())?;
         check_moments(&moments)?;
@@ -261,6 +262,7 @@ impl Inertia {
     }
 }
 
+#[inline]
 fn finite(argument: &'static str, values: &[f64]) -> Result<(), InertiaError> {
     if values.iter().all(|x| x.is_finite()) {
         Ok(())
@@ -274,6 +276,7 @@ fn positive(argument: &'static str, value: f64) -> Result<(), InertiaError> {
     if value > 0.0 { Ok(()) } else { Err(InertiaError::NonPositive { argument, found: value }) }
 }
 
+#[inline]
 fn check_moments(moments: &Vector3<f64>) -> Result<(), InertiaError> {
     let found = (*moments).into();
     // Subnormal moments are refused with the non-positive ones: their inverse overflows.

@@ -46,6 +46,7 @@ impl TryFrom<Parts> for RigidBody {
 
 impl RigidBody {
     /// A body of the given mass and inertia.
+    #[inline]
     pub fn try_new(mass: f64, inertia: Inertia) -> Result<Self, BodyError> {
         if mass.is_finite() && mass >= f64::MIN_POSITIVE {
             Ok(Self { mass, inertia })
@@ -65,6 +66,7 @@ impl RigidBody {
     }
 
     /// A body whose axes are principal axes with the given moments.
+    #[inline]
     pub fn try_principal(mass: f64, moments: Vector3<f64>) -> Result<Self, BodyError> {
         Self::try_new(mass, Inertia::try_principal(moments)?)
     }

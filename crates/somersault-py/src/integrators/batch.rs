@@ -311,15 +311,13 @@ impl Batch {
         let dt = asked.dt.map(|dt| numbers_or_one("dt", n, dt)).transpose()?;
         let forces = asked.forces.filter(|forces| !forces.is_none());
         let failure = Failure::default();
-        let acting: Option<Vec<Vec<Acting>>> = match forces {
-            Some(forces) => {
-                let mut reader = Reader { failure: failure.clone(), calls_python: false };
-                let acting = reader.for_each("forces", &self.bodies, forces)?;
-                expect_length("forces", n, acting.len())?;
-                Some(acting)
-            }
-            None => None,
-        };
+        let acting = forces.map(|forces| -> Result<Vec<Vec<Acting>>, Error> {
+            let mut reader = Reader { failure: failure.clone(), calls_python: false };
+            let acting = reader.for_each("forces", &self.bodies, forces)?;
+            expect_length("forces", n, acting.len())?;
+            Ok(acting)
+        });
+        let acting = acting.transpose()?;
         let mut acting = acting.map(Vec::into_iter);
         let are_lanes = method == if dt.is_some() { Method::RkmkB } else { Method::Rkmk8B };
 

@@ -176,7 +176,7 @@ impl Trajectory {
     ) -> PyResult<Bound<'py, PyAny>> {
         let made = self.made[what as usize].get_or_try_init(py, || {
             let bodies = self.cast.bodies.iter().cycle();
-            let flat: Vec<f64> = bodies.zip(&self.states).flat_map(|(body, x)| values(body, x)).collect();
+            let rows: Vec<[f64; N]> = bodies.zip(&self.states).map(|(body, x)| values(body, x)).collect();
             let mut shape = vec![self.times.len()];
             if !self.cast.single {
                 shape.push(self.cast.bodies.len());
@@ -184,7 +184,7 @@ impl Trajectory {
             if N > 1 {
                 shape.push(N);
             }
-            Ok::<_, PyErr>(array(py, flat, &shape)?.into_any().unbind())
+            Ok::<_, PyErr>(array(py, rows.into_flattened(), &shape)?.into_any().unbind())
         })?;
         Ok(made.bind(py).clone())
     }
