@@ -201,7 +201,9 @@ def compare(repetitions: int) -> tuple[list[dict[str, object]], str]:
         "equal intervals."
     )
     for guess, case in GUESSES.items():
-        found, lines = race(contenders(guess), error, TARGET, repetitions, "relative error of the cost")
+        [(_, found, lines)] = race(
+            contenders(guess), error, [TARGET], repetitions, "relative error of the cost"
+        )
         rows += [{**row, "guess": guess} for row in found]
         alone = min(transcribed(True, 60, case).seconds for _ in range(3))
         text += (

@@ -285,7 +285,9 @@ def contenders() -> list[Contender]:
 def compare(repetitions: int) -> tuple[list[dict[str, object]], str]:
     """Time to the target, and how close those come that do not reach it."""
     reference = _reference()
-    rows, text = race(contenders(), lambda found: angle(found, reference), TARGET, repetitions, "error, rad")
+    [(_, rows, text)] = race(
+        contenders(), lambda found: angle(found, reference), [TARGET], repetitions, "error, rad"
+    )
     head = (
         f"## Spinning top of thesis 7.3.2, {DURATION:g} s to {TARGET:g} rad of the axis\n\n"
         "Seven switches of the contact force. Each at the coarsest setting from which on it meets the "

@@ -344,8 +344,7 @@ def compare(repetitions: int) -> tuple[list[dict[str, object]], str]:
             return found if isinstance(found, float) else float(np.abs(found - reference).max())
 
         parts.append(f"### {title}")
-        for target in TARGETS:
-            rows, text = race(contenders(scene), error, target, repetitions, "error")
+        for target, rows, text in race(contenders(scene), error, TARGETS, repetitions, "error"):
             all_rows += [{"scene": scene, "target": target, **row} for row in rows]
             parts.append(f"To {target:g}:\n\n{text}")
     return all_rows, "\n\n".join(parts)

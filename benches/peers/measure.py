@@ -127,33 +127,65 @@ def coarsest(
 def race(
     contenders: Iterable[Contender],
     error: Callable[[Any], float],
-    target: float,
+    targets: Iterable[float],
     repetitions: int,
     measured: str,
-) -> tuple[list[dict[str, object]], str]:
-    """Each at the coarsest setting from which on two errors in a row meet the target, else at its finest.
+) -> list[tuple[float, list[dict[str, object]], str]]:
+    """For each target, each at the coarsest setting from which on two errors in a row meet it, or its finest.
 
-    Rows with processor times, and as a table against the best of this library; `measured` names the errors.
+    The target, rows with processor times, and those as a table against the best of this library; `measured`
+    names the errors. A contender runs once at a setting for the errors, whatever the number of targets; one
+    that misses the target has the time of that run.
     """
+    runs_for_error = [_RunsForError(contender, error) for contender in contenders]
+    return [(target, *_race_to(target, runs_for_error, repetitions, measured)) for target in targets]
+
+
+class _RunsForError:
+    """The errors of a contender by setting, each found once, and the seconds that the runs took."""
+
+    def __init__(self, contender: Contender, error: Callable[[Any], float]) -> None:
+        self.contender = contender
+        self._error = error
+        self._errors: dict[float, float] = {}
+        self._seconds: dict[float, float] = {}
+
+    def error(self, setting: float) -> float:
+        if setting not in self._errors:
+            start = clock()
+            found = self.contender.run(setting)
+            self._seconds[setting] = clock() - start
+            self._errors[setting] = self._error(found)
+        return self._errors[setting]
+
+    def seconds(self, setting: float) -> float:
+        self.error(setting)
+        return self._seconds[setting]
+
+
+def _race_to(
+    target: float, runs_for_error: Iterable[_RunsForError], repetitions: int, measured: str
+) -> tuple[list[dict[str, object]], str]:
     rows: list[dict[str, Any]] = []
     runs: dict[str, Callable[[], object]] = {}
+    seconds: dict[str, float] = {}
     counts: dict[str, int] = {}
-    for contender in contenders:
-
-        def error_at(setting: float, contender: Contender = contender) -> float:
-            return error(contender.run(setting))
-
+    for once in runs_for_error:
+        contender = once.contender
         last = contender.settings[-1]
-        found = coarsest(contender.settings, error_at, target, in_a_row=2)
-        setting, reached = found or (last, error_at(last))
+        found = coarsest(contender.settings, once.error, target, in_a_row=2)
+        setting, reached = found or (last, once.error(last))
         name = contender.name if found else f"{contender.name}: not reached"
         rows.append({"name": name, "setting": contender.setting, "value": setting, "error": reached})
-        runs[name], counts[name] = partial(contender.run, setting), contender.runs
-    times = interleaved(runs, repetitions, clock)
-    seconds = {name: times[name] / counts[name] for name in times}
-    best = min(seconds[name] for name in seconds if name.startswith("somersault"))
+        counts[name] = contender.runs
+        if found:
+            runs[name] = partial(contender.run, setting)
+        else:
+            seconds[name] = once.seconds(setting)
+    seconds |= interleaved(runs, repetitions, clock)
+    best = min(seconds[name] / counts[name] for name in runs if name.startswith("somersault"))
     for row in rows:
-        row["seconds"] = seconds[row["name"]]
+        row["seconds"] = seconds[row["name"]] / counts[row["name"]]
         row["time_against_best"] = row["seconds"] / best
     lines = [
         [

@@ -328,8 +328,7 @@ def compare(repetitions: int) -> tuple[list[dict[str, object]], str]:
         f"are measured against their own answers, with {FINEST} steps of RK4, and by RK3 at 1e-13. "
         "Drake's RK3 and CENIC adapt their steps, SAP is its discrete contact."
     ]
-    for target in TARGETS:
-        rows, text = race(contenders(), error, target, repetitions, "error")
+    for target, rows, text in race(contenders(), error, TARGETS, repetitions, "error"):
         all_rows += [{"target": target, **row} for row in rows]
         parts.append(f"To {target:g}:\n\n{text}")
     return all_rows, "\n\n".join(parts)
