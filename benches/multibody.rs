@@ -4,12 +4,15 @@
 //! `cargo bench --bench multibody`; `benches/peers/multibody.py` times Pinocchio on the same tree and state.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use num_dual::Dual64;
 use somersault::core::cancel::CancellationToken;
 use somersault::core::lanes::InstructionSet;
 use somersault::integrators::methods::RungeKuttaMuntheKaas4;
 use somersault::multibody::flight::{Flight, FlightData, FlightSystem};
 use somersault::multibody::motion::{HeldTorques, TreeSystem, rollout};
-use somersault::multibody::{Data, DerivativeData, LaneData, LaneDerivativeData, Split};
+use somersault::multibody::{
+    Data, DerivativeData, LaneData, LaneDerivativeData, SecondDerivativeData, Split,
+};
 use somersault::prelude::{Method, Run, TimeGrid};
 use somersault_testkit::trees::{Random, State, diver, geared_diver, humanoid, random_configuration};
 use std::hint::black_box;
@@ -52,6 +55,36 @@ fn diver_dynamics(c: &mut Criterion) {
         b.iter(|| {
             let q = black_box(&q);
             model.hybrid_dynamics_partials(&mut work, &split, q, &v, &a, &[]).map(|p| p.q[(0, 0)])
+        })
+    });
+    // along each position and velocity, as exact Hessians of optimal control ask for them
+    let (n_q, mut second) = (model.n_positions(), SecondDerivativeData::default());
+    let length = n_q + 2 * n;
+    let mut directions = vec![0.0; 2 * n * length];
+    directions.chunks_mut(length).enumerate().for_each(|(k, row)| row[k + n_q - n] = 1.0);
+    let mut rows = vec![0.0; (2 * n + 1) * 3 * n];
+    group.bench_function("rnea_second_derivatives", |b| {
+        b.iter(|| {
+            let q = black_box(&q);
+            model.inverse_dynamics_second_derivatives(&mut second, q, &v, &a, &[], &v, &directions, &mut rows)
+        })
+    });
+    let dual = model.cast::<Dual64>();
+    let mut work_of_duals = DerivativeData::new(&dual);
+    let state: Vec<Dual64> = q.iter().chain(&v).chain(&a).map(|&x| Dual64::from_re(x)).collect();
+    group.bench_function("rnea_second_derivatives, dual numbers", |b| {
+        b.iter(|| {
+            let mut sum = 0.0;
+            for direction in directions.chunks(length) {
+                let moved: Vec<_> =
+                    black_box(&state).iter().zip(direction).map(|(x, d)| Dual64::new(x.re, *d)).collect();
+                let (q, rest) = moved.split_at(n_q);
+                let (v, a) = rest.split_at(n);
+                let found =
+                    dual.inverse_dynamics_partials(&mut work_of_duals, q, v, a, &[]).expect("lengths fit");
+                sum += found.q[(0, 0)].eps;
+            }
+            sum
         })
     });
     group.bench_function("momentum_partials", |b| {

@@ -5,7 +5,8 @@ use somersault::integrators::stepper::{Scope, Variables};
 use somersault::multibody::flight::{Flight, FlightSystem, TakeOff};
 use somersault::multibody::motion::{BodyWrenches, Coordinates, TreeForces, TreeState, TreeSystem};
 use somersault::multibody::{
-    Axes, Data, DerivativeData, Force, LaneData, LaneDerivativeData, Model, Split, Transform, Velocities,
+    Axes, Data, DerivativeData, Force, LaneData, LaneDerivativeData, Model, SecondDerivativeData, Split,
+    Transform, Velocities,
 };
 use somersault::prelude::*;
 use somersault_testkit::allocations::allocations;
@@ -96,6 +97,17 @@ fn dynamics_of_trees_and_their_partials_allocate_nothing() {
         let (mut lanes, mut lane_work) = (LaneData::new(model), LaneDerivativeData::new(model));
         let mut many = vec![0.0; 11 * n];
         let mut rows = vec![0.0; 11 * (n + 3 * n * n)];
+        let mut second = SecondDerivativeData::default();
+        let directions = vec![0.5; 11 * (q.len() + 2 * n)];
+        let mut second_rows = vec![0.0; 12 * 3 * n];
+        let mut differentiate_twice = || {
+            let rows = &mut second_rows;
+            model
+                .inverse_dynamics_second_derivatives(&mut second, q, v, a, &[], v, &directions, rows)
+                .unwrap();
+        };
+        // the first use makes the workspace
+        differentiate_twice();
         let split = Split::new((0..n).map(|k| k >= 6).collect());
         let (mut acceleration, mut force) = (a.to_vec(), torque.to_vec());
         let mut jacobian = nalgebra::DMatrix::zeros(6, n);
@@ -111,6 +123,7 @@ fn dynamics_of_trees_and_their_partials_allocate_nothing() {
             model.forward_dynamics_partials(&mut work, q, v, torque, &[]).unwrap();
             model.hybrid_dynamics_partials(&mut work, &split, q, v, a, &[]).unwrap();
             model.momentum_partials(&mut work, q, v).unwrap();
+            differentiate_twice();
             model.inverse_dynamics_many(&mut lanes, q, v, a, &[], &mut many).unwrap();
             model.forward_dynamics_many(&mut lanes, q, v, torque, &[], &mut many).unwrap();
             model.mass_matrix_many(&mut lanes, q, &mut rows[..11 * n * n]).unwrap();

@@ -4,9 +4,10 @@ use nalgebra::{DMatrix, Vector3};
 use num_dual::{Dual64, HyperDual64};
 use somersault::multibody::{
     Data, DerivativeData, DynamicsError, Force, Joint, Link, MassProperties, Model, ModelBuilder, Partials,
-    Split,
+    SecondDerivativeData, Split,
 };
 use somersault_core::argument::ArgumentError;
+use somersault_core::lanes::InstructionSet;
 use somersault_testkit::trees::{Case, Random, cases};
 
 fn duals(x: &[f64]) -> Vec<Dual64> {
@@ -139,6 +140,119 @@ fn partials_of_hybrid_dynamics_equal_dual_numbers_for_any_split() {
             assert!(off < tolerance(&model, &q), "seed {seed}, {by:?}: {off:e}");
         }
     }
+}
+
+/// wᵀ ∂τ/∂(q, v, a) and its derivatives along rows of (dq, dv, da), by the partials over dual numbers, one direction at a time.
+pub(crate) fn contracted(
+    model: &Model<Dual64>,
+    [q, v, a, weights]: [&[f64]; 4],
+    wrenches: &[Force<Dual64>],
+    directions: &[f64],
+) -> Vec<f64> {
+    let state: Vec<f64> = [q, v, a].concat();
+    let mut work = DerivativeData::new(model);
+    let mut rows = Vec::new();
+    let still = vec![0.0; state.len()];
+    for (k, direction) in std::iter::once(&still[..]).chain(directions.chunks(state.len())).enumerate() {
+        let moved: Vec<_> = state.iter().zip(direction).map(|(x, d)| Dual64::new(*x, *d)).collect();
+        let (q, rest) = moved.split_at(q.len());
+        let (v, a) = rest.split_at(v.len());
+        let found = model.inverse_dynamics_partials(&mut work, q, v, a, wrenches).unwrap();
+        for column in [found.q, found.v, found.input].iter().flat_map(|matrix| matrix.column_iter()) {
+            let sum: Dual64 = column.iter().zip(weights).map(|(x, w)| *x * *w).sum();
+            rows.push(if k == 0 { sum.re } else { sum.eps });
+        }
+    }
+    rows
+}
+
+/// Directions that displace q, v and a at random, as rows of changes of their numbers.
+pub(crate) fn random_directions(model: &Model, q: &[f64], random: &mut Random, count: usize) -> Vec<f64> {
+    let (n, dual) = (model.n_velocities(), model.cast::<Dual64>());
+    let mut rows = Vec::new();
+    for _ in 0..count {
+        let step: Vec<_> = random.numbers(n, 1.0).into_iter().map(|d| Dual64::new(0.0, d)).collect();
+        let mut moved = duals(q);
+        dual.displace(&duals(q), &step, &mut moved).unwrap();
+        rows.extend(moved.iter().map(|q| q.eps));
+        rows.extend(random.numbers(2 * n, 1.0));
+    }
+    rows
+}
+
+#[test]
+fn second_derivatives_of_inverse_dynamics_are_those_over_dual_numbers() {
+    for (seed, Case { model, q, v, a, wrenches, mut random }) in cases(60).enumerate() {
+        let n = model.n_velocities();
+        // a group of lanes and a part of one, fewer than there are lanes, and none
+        for count in [11, 2, 0] {
+            let directions = random_directions(&model, &q, &mut random, count);
+            let weights = random.numbers(n, 2.0);
+            let state = [&q[..], &v, &a, &weights];
+            let expected = contracted(&model.cast(), state, &constant(&wrenches), &directions);
+            let size = expected.iter().fold(1.0, |m: f64, x| m.max(x.abs()));
+            for set in InstructionSet::supported() {
+                let mut data = SecondDerivativeData::with_instructions(set);
+                let mut rows = vec![f64::NAN; (count + 1) * 3 * n];
+                model
+                    .inverse_dynamics_second_derivatives(
+                        &mut data,
+                        &q,
+                        &v,
+                        &a,
+                        &wrenches,
+                        &weights,
+                        &directions,
+                        &mut rows,
+                    )
+                    .unwrap();
+                for (found, expected) in rows.iter().zip(&expected) {
+                    let off = (found - expected).abs() / size;
+                    assert!(off < 1e-13, "seed {seed}, {count} directions, {}: {off:e}", set.name());
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_workspace_of_second_derivatives_serves_any_model() {
+    let mut data = SecondDerivativeData::default();
+    for Case { model, q, v, a, mut random, .. } in cases(6) {
+        let n = model.n_velocities();
+        let directions = random_directions(&model, &q, &mut random, 3);
+        let weights = random.numbers(n, 1.0);
+        let mut rows = [(); 2].map(|()| vec![f64::NAN; 4 * 3 * n]);
+        for (data, rows) in [&mut data, &mut SecondDerivativeData::default()].into_iter().zip(&mut rows) {
+            model
+                .inverse_dynamics_second_derivatives(data, &q, &v, &a, &[], &weights, &directions, rows)
+                .unwrap();
+        }
+        assert_eq!(rows[0], rows[1]);
+    }
+}
+
+#[test]
+fn second_derivatives_refuse_lengths_that_do_not_fit() {
+    let Some(Case { model, q, v, a, .. }) = cases(20).find(|case| case.v.len() > 1) else {
+        panic!("a tree with two degrees of freedom")
+    };
+    let (n, length) = (v.len(), q.len() + 2 * v.len());
+    let mut data = SecondDerivativeData::default();
+    let mut refused = |q: &[f64], v: &[f64], a: &[f64], weights: &[f64], directions: usize, rows: usize| {
+        let (directions, mut rows) = (vec![0.0; directions], vec![0.0; rows]);
+        let data = &mut data;
+        match model.inverse_dynamics_second_derivatives(data, q, v, a, &[], weights, &directions, &mut rows) {
+            Err(DynamicsError::Argument(ArgumentError::Length { argument, .. })) => argument,
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!(refused(&q[1..], &v, &a, &v, length, 6 * n), "q");
+    assert_eq!(refused(&q, &v[1..], &a, &v, length, 6 * n), "v");
+    assert_eq!(refused(&q, &v, &a[1..], &v, length, 6 * n), "a");
+    assert_eq!(refused(&q, &v, &a, &v[1..], length, 6 * n), "weights");
+    assert_eq!(refused(&q, &v, &a, &v, length + 1, 6 * n), "directions");
+    assert_eq!(refused(&q, &v, &a, &v, length, 6 * n + 1), "rows");
 }
 
 #[test]

@@ -1,12 +1,13 @@
 //! Joints that follow others: everything equals the full tree under q = G q_r + o, and what is built wrongly is refused.
 
+use crate::derivatives::{contracted, random_directions};
 use nalgebra::{DMatrix, DVector, Vector3};
 use num_dual::Dual64;
 use somersault::multibody::flight::{Flight, FlightData};
 use somersault::multibody::motion::TreeSystem;
 use somersault::multibody::{
-    Axes, Data, DerivativeData, Force, Joint, Link, MassProperties, Model, ModelBuilder, ModelError, Split,
-    Transform,
+    Axes, Data, DerivativeData, Force, Joint, Link, MassProperties, Model, ModelBuilder, ModelError,
+    SecondDerivativeData, Split, Transform,
 };
 use somersault::prelude::*;
 use somersault_testkit::trees::{Random, random_configuration, random_tree, random_wrenches};
@@ -104,6 +105,23 @@ fn close(found: &[f64], expected: &[f64], tolerance: f64) {
     let scale = expected.iter().fold(1.0, |m: f64, x| m.max(x.abs()));
     for (x, y) in found.iter().zip(expected) {
         assert!((x - y).abs() <= tolerance * scale, "{x} is not {y}, of {scale}");
+    }
+}
+
+#[test]
+fn second_derivatives_of_coupled_joints_are_those_over_dual_numbers() {
+    for mut case in all() {
+        let n = case.model.n_velocities();
+        let q = random_configuration(&mut case.random, &case.model).unwrap();
+        let [v, a, weights] = [(); 3].map(|()| case.random.numbers(n, 2.0));
+        let directions = random_directions(&case.model, &q, &mut case.random, 5);
+        let expected = contracted(&case.model.cast(), [&q, &v, &a, &weights], &[], &directions);
+        let mut data = SecondDerivativeData::default();
+        let mut rows = vec![f64::NAN; 6 * 3 * n];
+        case.model
+            .inverse_dynamics_second_derivatives(&mut data, &q, &v, &a, &[], &weights, &directions, &mut rows)
+            .unwrap();
+        close(&rows, &expected, 1e-13);
     }
 }
 

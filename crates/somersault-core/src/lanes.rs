@@ -90,6 +90,18 @@ impl<L: Lanes> Packed<L> {
     fn with(self, vector: L::Vector) -> Self {
         Self { vector, ..self }
     }
+
+    /// Each number times one factor.
+    #[inline(always)]
+    pub(crate) fn scaled(self, factor: f64) -> Self {
+        self.with(self.lanes.mul(self.vector, self.lanes.splat(factor)))
+    }
+
+    /// The sum with `factor` times other numbers, rounded once.
+    #[inline(always)]
+    pub(crate) fn plus_scaled(self, other: Self, factor: f64) -> Self {
+        self.with(self.lanes.mul_add(other.vector, self.lanes.splat(factor), self.vector))
+    }
 }
 
 impl<L: Lanes> PartialEq for Packed<L> {

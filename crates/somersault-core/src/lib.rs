@@ -27,6 +27,7 @@ pub mod double_double;
 pub mod elliptic;
 mod inertia;
 pub mod interval;
+pub mod lane_dual;
 #[allow(unsafe_code)]
 pub mod lanes;
 pub mod lie;

@@ -82,7 +82,7 @@ pub use articulated::Split;
 pub use builder::ModelBuilder;
 pub use centroidal::Centroidal;
 pub use data::Data;
-pub use derivatives::{DerivativeData, MomentumPartials, Partials, TreeParameter};
+pub use derivatives::{DerivativeData, MomentumPartials, Partials, SecondDerivativeData, TreeParameter};
 pub use error::{DynamicsError, ModelError};
 pub use inertia::SpatialInertia;
 pub use joint::{Group, Joint, JointKind, Turning};

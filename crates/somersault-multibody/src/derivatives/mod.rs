@@ -26,11 +26,13 @@ pub(crate) mod elimination;
 mod links;
 mod momentum;
 mod parameters;
+mod second;
 mod transposed;
 
 pub(crate) use links::Varying;
 pub use momentum::MomentumPartials;
 pub use parameters::TreeParameter;
+pub use second::SecondDerivativeData;
 pub(crate) use transposed::Pulled;
 
 use crate::data::{Data, TreeData};

@@ -7,8 +7,8 @@
 //! ```text
 //! −Sᵀ ∇²(wᵀ ID) S,   w = M⁻¹ μ,   S = ∂(q, v, a)/∂(q, v, u)
 //! ```
-//! whose inner part is the partials of inverse dynamics over dual numbers: exact, one sweep for each position
-//! and velocity. Derivatives along q ⊕ ε become derivatives by the numbers of q joint by joint.
+//! whose inner part is the derivatives of the partials of inverse dynamics along several directions at a time: exact, one direction
+//! for each position and velocity. Derivatives along q ⊕ ε become derivatives by the numbers of q joint by joint.
 //!
 //! As expressions the equations are forward dynamics over [`Traced`] numbers: a tree is data, so that its graph is that of the recursions
 //! without what is multiplied by zeros of its axes.
@@ -20,7 +20,9 @@ use nalgebra::DMatrix;
 use num_dual::{Dual64, HyperDual64};
 use somersault_core::Scalar;
 use somersault_expr::{ExprFunction, Traced};
-use somersault_multibody::{Data, DerivativeData, DynamicsError, Group, Model, Partials, Turning};
+use somersault_multibody::{
+    Data, DerivativeData, DynamicsError, Group, Model, Partials, SecondDerivativeData, Turning,
+};
 use somersault_nlp::EvaluationError;
 use std::ops::Range;
 
@@ -38,17 +40,19 @@ pub struct TreeDynamics {
     coordinates: Coordinates,
     /// q with quaternions of unit norm.
     unit: Vec<f64>,
+    second: SecondDerivativeData,
+    /// a, while derivatives of the partials are found.
+    acceleration: Vec<f64>,
+    /// Rows of (dq, dv, da), one for each number of x.
+    directions: Vec<f64>,
+    second_rows: Vec<f64>,
+    /// The model over dual numbers, for the norm of quaternions, and q along one direction.
     dual: Model<Dual64>,
-    dual_derivatives: DerivativeData<Dual64>,
-    /// q, v, a.
-    dual_arguments: Vec<Dual64>,
-    /// q with quaternions of unit norm.
-    dual_unit: Vec<Dual64>,
+    dual_q: Vec<Dual64>,
     /// ∂a by q, v, u.
     slopes: DMatrix<f64>,
     /// w.
     lever: Vec<f64>,
-    input_products: Vec<f64>,
     /// Second derivatives by each number of q and the one that moves.
     direct: Vec<f64>,
 }
@@ -168,15 +172,16 @@ impl TreeDynamics {
             data: Data::new(model),
             derivatives: DerivativeData::new(model),
             torque: vec![0.0; n],
-            dual_derivatives: DerivativeData::new(&dual),
             unit: vec![0.0; n_positions],
-            dual_arguments: vec![Dual64::from_re(0.0); n_states + n],
-            dual_unit: vec![Dual64::from_re(0.0); n_positions],
+            second: SecondDerivativeData::default(),
+            acceleration: vec![0.0; n],
+            directions: vec![0.0; n_states * (n_states + n)],
+            second_rows: vec![0.0; (n_states + 1) * 3 * n],
+            dual_q: vec![Dual64::from_re(0.0); n_positions],
             slopes: DMatrix::zeros(n, n_states + actuated.len()),
             direct: vec![0.0; n_positions],
             coordinates,
             lever: vec![0.0; n],
-            input_products: vec![0.0; n],
             dual,
             model: model.clone(),
         })
@@ -318,6 +323,13 @@ fn undefined(error: DynamicsError) -> EvaluationError {
     EvaluationError::Undefined { what: error.to_string() }
 }
 
+/// Numbers of q of which the one at `j` moves.
+fn seed(dual: &mut [Dual64], q: &[f64], j: usize) {
+    for (k, (dual, &re)) in dual.iter_mut().zip(q).enumerate() {
+        *dual = Dual64::new(re, f64::from(u8::from(k == j)));
+    }
+}
+
 impl VectorFunction for TreeDynamics {
     fn n_outputs(&self) -> usize {
         self.n_states()
@@ -381,60 +393,65 @@ impl VectorFunction for TreeDynamics {
     ) -> Result<(), EvaluationError> {
         let (q, v) = split(&self.coordinates, arguments, &self.actuated, &mut self.torque);
         self.normalize(q)?;
-        let Self { actuated, slopes, lever, dual, dual_derivatives, coordinates, .. } = self;
+        let Self { actuated, slopes, lever, coordinates, unit, acceleration, directions, .. } = self;
         let partials = self
             .model
-            .forward_dynamics_partials(&mut self.derivatives, &self.unit, v, &self.torque, &[])
+            .forward_dynamics_partials(&mut self.derivatives, unit, v, &self.torque, &[])
             .map_err(undefined)?;
         let (n_positions, n, n_states) = (q.len(), v.len(), coordinates.n_states());
-        let n_arguments = n_states + actuated.len();
         for k in 0..n {
             coordinates.store_row(&partials, actuated, q, k, 0, slopes);
             lever[k] = (0..n).map(|i| partials.input[(i, k)] * weights[n_positions + i]).sum();
         }
-        let (dual_q, rest) = self.dual_arguments.split_at_mut(n_positions);
-        let (dual_v, dual_a) = rest.split_at_mut(n);
-        let given = q.iter().chain(v).chain(partials.value);
-        dual_q.iter_mut().chain(&mut *dual_v).chain(&mut *dual_a).zip(given).for_each(|(x, &re)| x.re = re);
+        acceleration.copy_from_slice(partials.value);
         // accelerations are linear in the forces, so no force is moved
-        for j in 0..n_states {
-            for (k, q) in dual_q.iter_mut().enumerate() {
-                q.eps = f64::from(k == j);
+        for (j, direction) in directions.chunks_exact_mut(n_states + n).enumerate() {
+            direction[..n_states].fill(0.0);
+            direction[j] = 1.0;
+            direction[n_states..].copy_from_slice(slopes.column(j).as_slice());
+        }
+        if !coordinates.groups.is_empty() {
+            for (j, direction) in directions.chunks_exact_mut(n_states + n).take(n_positions).enumerate() {
+                seed(&mut self.dual_q, q, j);
+                self.dual.normalize(&mut self.dual_q).map_err(undefined)?;
+                direction.iter_mut().zip(&self.dual_q).for_each(|(to, q)| *to = q.eps);
             }
-            for k in 0..n {
-                dual_v[k].eps = f64::from(n_positions + k == j);
-                dual_a[k].eps = slopes[(k, j)];
-            }
-            self.dual_unit.copy_from_slice(dual_q);
-            dual.normalize(&mut self.dual_unit).map_err(undefined)?;
-            let second = dual
-                .inverse_dynamics_partials(dual_derivatives, &self.dual_unit, dual_v, dual_a, &[])
-                .map_err(undefined)?;
-            let contract = |matrix: &DMatrix<Dual64>, i: usize| -> f64 {
-                lever.iter().zip(matrix.column(i).iter()).map(|(w, m)| w * m.eps).sum()
-            };
-            for k in 0..n {
-                self.input_products[k] = contract(second.input, k);
-            }
+        }
+        self.model
+            .inverse_dynamics_second_derivatives(
+                &mut self.second,
+                unit,
+                v,
+                acceleration,
+                &[],
+                lever,
+                directions,
+                &mut self.second_rows,
+            )
+            .map_err(undefined)?;
+        let (of_state, rows) = self.second_rows.split_at(3 * n);
+        for (j, row) in rows.chunks_exact(3 * n).enumerate() {
+            let (by_q, rest) = row.split_at(n);
+            let (by_v, by_a) = rest.split_at(n);
             for joint in coordinates.groups.iter().filter(|joint| joint.q.start <= j) {
                 let (mut along, mut by) = ([Dual64::from_re(0.0); MOST], [Dual64::from_re(0.0); MOST]);
                 for (to, v) in along.iter_mut().zip(joint.v.clone()) {
-                    *to = lever.iter().zip(second.q.column(v).iter()).map(|(w, m)| *m * *w).sum();
+                    *to = Dual64::new(of_state[v], by_q[v]);
                 }
                 let (along, by) = (&along[..joint.v.len()], &mut by[..joint.q.len()]);
-                joint.group.derivatives_by_numbers(&dual_q[joint.q.clone()], along, by);
+                seed(&mut self.dual_q, q, j);
+                joint.group.derivatives_by_numbers(&self.dual_q[joint.q.clone()], along, by);
                 self.direct[joint.q.clone()].iter_mut().zip(by).for_each(|(to, by)| *to = by.eps);
             }
-            for i in (0..=j).chain(n_states..n_arguments) {
+            for i in (0..=j).chain(n_states..n_states + actuated.len()) {
                 let direct = match i {
                     _ if i < n_positions => {
-                        coordinates.rate_of[i].map_or_else(|| self.direct[i], |rate| contract(second.q, rate))
+                        coordinates.rate_of[i].map_or_else(|| self.direct[i], |rate| by_q[rate])
                     }
-                    _ if i < n_states => contract(second.v, i - n_positions),
+                    _ if i < n_states => by_v[i - n_positions],
                     _ => 0.0,
                 };
-                let through: f64 =
-                    self.input_products.iter().zip(slopes.column(i).iter()).map(|(p, s)| p * s).sum();
+                let through: f64 = by_a.iter().zip(slopes.column(i).iter()).map(|(by, s)| by * s).sum();
                 hessian[(i.min(j), i.max(j))] -= direct + through;
             }
         }

@@ -2,10 +2,9 @@
 
 use super::{Dofs, HybridDynamics, HybridSecondDerivatives};
 use crate::error::OcpError;
-use nalgebra::Matrix6;
-use num_dual::Dual64;
+use nalgebra::{DMatrix, Matrix6};
 use somersault_core::argument::expect_length;
-use somersault_multibody::{Data, DerivativeData, DynamicsError, Joint, Model, Split};
+use somersault_multibody::{Data, DerivativeData, DynamicsError, Joint, Model, SecondDerivativeData, Split};
 use somersault_nlp::EvaluationError;
 
 /// A tree as [`HybridDynamics`]; joint forces of passive degrees of freedom, viscous friction and gravity are its own.
@@ -20,24 +19,30 @@ pub struct Tree {
     work: DerivativeData,
     acceleration: Vec<f64>,
     torque: Vec<f64>,
-    dual: Option<Box<DualTree>>,
+    second: Option<Box<Second>>,
 }
 
-/// The tree over dual numbers, made when second derivatives are first requested.
+/// Room for second derivatives, made when these are first requested.
 #[derive(Debug, Clone)]
-struct DualTree {
-    model: Model<Dual64>,
-    work: DerivativeData<Dual64>,
-    /// q, v, known.
-    arguments: [Vec<Dual64>; 3],
+struct Second {
+    data: SecondDerivativeData,
+    /// ∂a by (q, v, known), column by column.
+    slopes: DMatrix<f64>,
+    weights: Vec<f64>,
+    /// Rows of (dq, dv, da), one for each position and velocity.
+    directions: Vec<f64>,
+    rows: Vec<f64>,
 }
 
-impl DualTree {
-    fn new(model: &Model) -> Self {
-        let model: Model<Dual64> = model.cast();
-        let zero = vec![Dual64::from_re(0.0); model.n_velocities()];
-        let arguments = [zero.clone(), zero.clone(), zero];
-        Self { work: DerivativeData::new(&model), model, arguments }
+impl Second {
+    fn new(n: usize) -> Self {
+        Self {
+            data: SecondDerivativeData::default(),
+            slopes: DMatrix::zeros(n, 3 * n),
+            weights: vec![0.0; n],
+            directions: vec![0.0; 2 * n * 3 * n],
+            rows: vec![0.0; (2 * n + 1) * 3 * n],
+        }
     }
 }
 
@@ -71,7 +76,17 @@ impl Tree {
         }
         let (data, work) = (Data::new(&model), DerivativeData::new(&model));
         let room = || vec![0.0; n];
-        Ok(Self { model, split, dofs, joints, data, work, acceleration: room(), torque: room(), dual: None })
+        Ok(Self {
+            model,
+            split,
+            dofs,
+            joints,
+            data,
+            work,
+            acceleration: room(),
+            torque: room(),
+            second: None,
+        })
     }
 
     /// The tree.
@@ -147,8 +162,14 @@ impl HybridDynamics for Tree {
 }
 
 impl HybridSecondDerivatives for Tree {
-    /// By the analytic partials over dual numbers, one sweep for each position and velocity: what is found is linear in
-    /// what is known.
+    /// With y the accelerations of passive and the forces of active degrees of freedom, inverse dynamics τ = ID(q, v, a) and weights w
+    /// of y,
+    ///
+    /// ```text
+    /// ∂²(wᵀ y) = Sᵀ ∂²(λᵀ ID) S,   S = ∂(q, v, a)/∂(q, v, known)
+    /// ```
+    /// where λ is w of active degrees of freedom, and of a passive one −wᵀ ∂y by its force. What is found is linear in what is
+    /// known: directions are those of positions and velocities.
     fn add_second_derivatives(
         &mut self,
         q: &[f64],
@@ -157,29 +178,44 @@ impl HybridSecondDerivatives for Tree {
         weights: &[f64],
         out: &mut [f64],
     ) -> Result<(), EvaluationError> {
-        let Self { model, split, dual, .. } = self;
-        let DualTree { model, work, arguments } =
-            &mut **dual.get_or_insert_with(|| Box::new(DualTree::new(model)));
+        let Self { model, split, work, second, acceleration, .. } = self;
         let n = known.len();
-        for (dual, real) in arguments.iter_mut().zip([q, v, known]) {
-            dual.iter_mut().zip(real).for_each(|(dual, re)| *dual = Dual64::from_re(*re));
-        }
-        for j in 0..2 * n {
-            arguments[j / n][j % n].eps = 1.0;
-            let [q, v, known] = &*arguments;
-            let partials =
-                model.hybrid_dynamics_partials(work, split, q, v, known, &[]).map_err(undefined)?;
+        let Second { data, slopes, weights: lever, directions, rows } =
+            &mut **second.get_or_insert_with(|| Box::new(Second::new(n)));
+        let partials = model.hybrid_dynamics_partials(work, split, q, v, known, &[]).map_err(undefined)?;
+        for k in 0..n {
+            if split.active()[k] {
+                (acceleration[k], lever[k]) = (known[k], weights[k]);
+                slopes.row_mut(k).fill(0.0);
+                slopes[(k, 2 * n + k)] = 1.0;
+                continue;
+            }
+            acceleration[k] = partials.value[k];
+            lever[k] = -partials.input.column(k).iter().zip(weights).map(|(y, w)| y * w).sum::<f64>();
             for (part, matrix) in [partials.q, partials.v, partials.input].into_iter().enumerate() {
-                for (k, column) in matrix.column_iter().enumerate() {
-                    let i = part * n + k;
-                    let curvature: f64 = column.iter().zip(weights).map(|(d, w)| w * d.eps).sum();
-                    out[j * 3 * n + i] += curvature;
-                    if part == 2 {
-                        out[i * 3 * n + j] += curvature;
-                    }
+                for j in 0..n {
+                    slopes[(k, part * n + j)] = matrix[(k, j)];
                 }
             }
-            arguments[j / n][j % n].eps = 0.0;
+        }
+        for (j, direction) in directions.chunks_exact_mut(3 * n).enumerate() {
+            direction[..2 * n].fill(0.0);
+            direction[j] = 1.0;
+            direction[2 * n..].copy_from_slice(slopes.column(j).as_slice());
+        }
+        model
+            .inverse_dynamics_second_derivatives(data, q, v, acceleration, &[], lever, directions, rows)
+            .map_err(undefined)?;
+        for (j, row) in rows.chunks_exact(3 * n).skip(1).enumerate() {
+            let (direct, by_a) = row.split_at(2 * n);
+            for (i, slopes) in slopes.column_iter().enumerate() {
+                let through: f64 = slopes.iter().zip(by_a).map(|(slope, by)| slope * by).sum();
+                let value = through + direct.get(i).copied().unwrap_or(0.0);
+                out[j * 3 * n + i] += value;
+                if i >= 2 * n {
+                    out[i * 3 * n + j] += value;
+                }
+            }
         }
         Ok(())
     }
