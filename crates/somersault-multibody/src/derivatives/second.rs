@@ -11,8 +11,8 @@ use somersault_core::lanes::{InstructionSet, Kernel, Lanes, WIDEST};
 use somersault_core::scalar::Lift;
 use std::any::Any;
 
-/// Workspace of second derivatives, made for a model when it is first used and used repeatedly; with it nothing allocates. A clone is
-/// made anew.
+/// Workspace of second derivatives, made for a model when it is first used and used repeatedly; with it nothing allocates. A clone
+/// makes its own.
 #[derive(Debug)]
 pub struct SecondDerivativeData {
     instructions: InstructionSet,
