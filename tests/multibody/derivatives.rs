@@ -3,8 +3,8 @@
 use nalgebra::{DMatrix, Vector3};
 use num_dual::{Dual64, HyperDual64};
 use somersault::multibody::{
-    Data, DerivativeData, DynamicsError, Force, Joint, Link, MassProperties, Model, ModelBuilder, Partials,
-    SecondDerivativeData, Split,
+    Data, DerivativeData, DynamicsError, Force, Joint, LaneData, Link, MassProperties, Model, ModelBuilder,
+    Partials, SecondDerivativeData, Split,
 };
 use somersault_core::argument::ArgumentError;
 use somersault_core::lanes::InstructionSet;
@@ -215,13 +215,54 @@ fn second_derivatives_of_inverse_dynamics_are_those_over_dual_numbers() {
     }
 }
 
+/// Three hinges as a chain, a star and a fork: trees of one size.
+fn trees_of_one_size() -> [Model; 3] {
+    let hinge = Joint::Revolute { axis: Vector3::z() };
+    let mass = MassProperties::point(1.0, Vector3::new(0.2, -0.5, 0.1));
+    [["base", "a", "b"], ["base", "base", "base"], ["base", "a", "a"]].map(|parents| {
+        let mut builder = ModelBuilder::new();
+        builder.add(Link::root("base", Joint::Fixed, mass)).unwrap();
+        for (name, parent) in ["a", "b", "c"].into_iter().zip(parents) {
+            builder.add(Link::child(name, parent, hinge, mass).at(Vector3::x())).unwrap();
+        }
+        builder.build().unwrap()
+    })
+}
+
+/// What is zero between branches of one tree is not so in another.
+#[test]
+fn a_workspace_for_another_tree_of_the_same_size_is_refused() {
+    let models = trees_of_one_size();
+    let (q, v, a) = ([0.3, -0.4, 0.9], [1.0, 2.0, -1.0], [0.5, 0.1, 0.2]);
+    for (i, own) in models.iter().enumerate() {
+        for (j, other) in models.iter().enumerate() {
+            let (mut data, mut work) = (Data::new(own), DerivativeData::new(own));
+            let (mut lanes, mut matrices) = (LaneData::new(own), [0.0; 18]);
+            let refused = [
+                other.mass_matrix(&mut data, &q).err(),
+                other.inverse_dynamics_partials(&mut work, &q, &v, &a, &[]).err(),
+                other.forward_dynamics_partials(&mut work, &q, &v, &a, &[]).err(),
+                other.mass_matrix_many(&mut lanes, &[q, q].concat(), &mut matrices).err(),
+            ];
+            for error in refused {
+                assert_eq!(error.is_some(), i != j, "{i} {j}: {error:?}");
+                assert!(error.is_none_or(|error| matches!(error, DynamicsError::ForeignData)));
+            }
+        }
+    }
+}
+
 #[test]
 fn a_workspace_of_second_derivatives_serves_any_model() {
+    let models = trees_of_one_size();
+    let mut random = Random::new(5);
+    let others = cases(6).map(|Case { model, q, .. }| (model, q));
+    let models = models.into_iter().map(|model| (model, vec![0.3, -0.4, 0.9])).chain(others);
     let mut data = SecondDerivativeData::default();
-    for Case { model, q, v, a, mut random, .. } in cases(6) {
+    for (model, q) in models {
         let n = model.n_velocities();
         let directions = random_directions(&model, &q, &mut random, 3);
-        let weights = random.numbers(n, 1.0);
+        let [v, a, weights] = [(); 3].map(|()| random.numbers(n, 1.0));
         let mut rows = [(); 2].map(|()| vec![f64::NAN; 4 * 3 * n]);
         for (data, rows) in [&mut data, &mut SecondDerivativeData::default()].into_iter().zip(&mut rows) {
             model
@@ -230,6 +271,19 @@ fn a_workspace_of_second_derivatives_serves_any_model() {
         }
         assert_eq!(rows[0], rows[1]);
     }
+}
+
+#[test]
+fn a_tree_without_freedom_has_no_second_derivatives() {
+    let mut builder = ModelBuilder::new();
+    builder.add(Link::root("base", Joint::Fixed, MassProperties::massless())).unwrap();
+    let model = builder.build().unwrap();
+    let mut data = SecondDerivativeData::default();
+    let mut differentiate = |directions: &[f64], rows: &mut [f64]| {
+        model.inverse_dynamics_second_derivatives(&mut data, &[], &[], &[], &[], &[], directions, rows)
+    };
+    differentiate(&[], &mut []).unwrap();
+    assert!(differentiate(&[1.0], &mut []).is_err() && differentiate(&[], &mut [0.0]).is_err());
 }
 
 #[test]

@@ -14,6 +14,8 @@ use somersault_core::scalar::{Arithmetic, Lift, Scalar};
 #[derive(Debug, Clone)]
 pub struct Data<T: Scalar = f64> {
     n_positions: usize,
+    /// Those of the degrees of freedom in the tree, and in the elimination of M where joints follow others.
+    parents: [Vec<Option<usize>>; 2],
     pub(crate) tree: TreeData<T>,
     pub(crate) room: Room<T>,
 }
@@ -107,14 +109,18 @@ impl<T: Scalar> Data<T> {
     /// A workspace for `model`.
     pub fn new(model: &Model<T>) -> Self {
         let tree = TreeData::new((), model);
-        Self { n_positions: model.n_positions(), tree, room: Room::new(model) }
+        let parents = [&model.dof_parent[..], model.coupled_parents()].map(<[_]>::to_vec);
+        Self { n_positions: model.n_positions(), parents, tree, room: Room::new(model) }
     }
 
-    /// Fails unless this workspace has the sizes of `model`.
+    /// Fails unless this workspace has the sizes of `model` and its degrees of freedom are on the same ways to the root: entries of
+    /// matrices between others stay zero.
     #[inline(always)]
     pub(crate) fn expect_for(&self, model: &Model<T>) -> Result<(), DynamicsError> {
+        let [of_tree, coupled] = &self.parents;
         if self.tree.nodes.len() == model.n_bodies()
-            && self.tree.columns.len() == model.directions.len()
+            && *of_tree == model.dof_parent
+            && coupled == model.coupled_parents()
             && self.room.v.len() == model.coupling.as_ref().map_or(0, |_| model.directions.len())
             && self.n_positions == model.n_positions()
         {

@@ -141,7 +141,7 @@ pub enum DynamicsError {
     /// An argument that is not allowed.
     #[error(transparent)]
     Argument(#[from] ArgumentError),
-    /// The workspace was made for a model of another size.
+    /// The workspace was made for a model of another size, or with other parents.
     #[error("`data` was made for another model; make it with `Data::new` from this one")]
     ForeignData,
     /// The body is not one of this model.

@@ -96,4 +96,9 @@ impl<T: Scalar> Model<T> {
     pub(crate) fn elimination_parents(&self) -> &[Option<usize>] {
         self.coupling.as_ref().map_or(&self.dof_parent, |coupling| &coupling.parents)
     }
+
+    /// The same where joints follow others; nothing where none does.
+    pub(crate) fn coupled_parents(&self) -> &[Option<usize>] {
+        self.coupling.as_ref().map_or(&[], |coupling| &coupling.parents)
+    }
 }

@@ -45,6 +45,8 @@ impl SecondDerivativeData {
 struct Room<L: Lanes> {
     tree: TreeData<LaneDual<L>>,
     tables: DerivativeTables<LaneDual<L>>,
+    /// Of the degrees of freedom: partials of those that are not on one way to the root stay zero.
+    parents: Vec<Option<usize>>,
     /// Those of the tree, and before them those that are independent.
     q: [Vec<LaneDual<L>>; 2],
     v: [Vec<LaneDual<L>>; 2],
@@ -68,6 +70,7 @@ impl<L: Lanes> Room<L> {
         Self {
             tree: TreeData::new(lanes, model),
             tables: DerivativeTables::new(lanes, model),
+            parents: model.dof_parent.clone(),
             q: [vec![zero; model.n_positions()], vec![zero; n_q_tree]],
             v: of_velocities(),
             a: of_velocities(),
@@ -80,7 +83,7 @@ impl<L: Lanes> Room<L> {
     fn is_for(&self, model: &Model) -> bool {
         self.q[0].len() == model.n_positions()
             && self.contracted.len() == model.n_velocities()
-            && self.weights.len() == model.directions.len()
+            && self.parents == model.dof_parent
             && self.wrenches.len() == model.n_bodies()
     }
 
@@ -184,7 +187,7 @@ impl Kernel for Along<'_> {
             let rows = &mut rows[3 * n * group.start..3 * n * group.end];
             let group = &directions[length * group.start..length * group.end];
             room.move_along(lanes, model, state, group);
-            let Room { tree, tables, q, v, a, wrenches: lifted, weights, contracted } = &mut *room;
+            let Room { tree, tables, q, v, a, wrenches: lifted, weights, contracted, .. } = &mut *room;
             let coupled = usize::from(model.coupling.is_some());
             let (q, v, a) = (&q[coupled][..], &v[coupled][..], &a[coupled][..]);
             model.place_in(lanes, tree, q);
@@ -246,9 +249,12 @@ impl Model {
         }
         self.expect_wrenches(wrenches)?;
         let length = self.n_positions() + 2 * n;
-        let count = directions.len() / length;
+        let count = directions.len().checked_div(length).unwrap_or(0);
         expect_length("directions", directions.len(), count * length)?;
         expect_length("rows", rows.len(), (count + 1) * 3 * n)?;
+        if n == 0 {
+            return Ok(());
+        }
         let SecondDerivativeData { instructions, room } = data;
         let state = [q, v, a];
         instructions.run(Along { model: self, room, state, wrenches, weights, directions, rows });
