@@ -91,6 +91,7 @@ mod sensitivity;
 mod solver;
 mod sqp;
 mod subproblem;
+mod supernodal;
 
 pub use error::SolverError;
 pub use first_order::Limits;

@@ -147,32 +147,36 @@ impl Pattern {
     /// out += A x.
     pub fn add_product(&self, values: &[f64], x: &[f64], out: &mut [f64]) {
         for j in 0..self.n_columns() {
-            for k in self.columns[j]..self.columns[j + 1] {
-                out[self.rows[k]] += values[k] * x[j];
-            }
+            let x = x[j];
+            self.column(j, values).for_each(|(i, value)| out[i] += value * x);
         }
     }
 
     /// out += Aᵀ x.
     pub fn add_transposed_product(&self, values: &[f64], x: &[f64], out: &mut [f64]) {
         for j in 0..self.n_columns() {
-            for k in self.columns[j]..self.columns[j + 1] {
-                out[j] += values[k] * x[self.rows[k]];
-            }
+            out[j] = self.column(j, values).fold(out[j], |sum, (i, value)| sum + value * x[i]);
         }
     }
 
     /// out += A x, A symmetric and given by its upper triangle.
     pub fn add_symmetric_product(&self, values: &[f64], x: &[f64], out: &mut [f64]) {
         for j in 0..self.n_columns() {
-            for k in self.columns[j]..self.columns[j + 1] {
-                let i = self.rows[k];
-                out[i] += values[k] * x[j];
+            let mut sum = out[j];
+            for (i, value) in self.column(j, values) {
+                sum += value * x[i];
                 if i != j {
-                    out[j] += values[k] * x[i];
+                    out[i] += value * x[j];
                 }
             }
+            out[j] = sum;
         }
+    }
+
+    /// Rows and values of a column.
+    fn column<'a>(&'a self, j: usize, values: &'a [f64]) -> impl Iterator<Item = (usize, f64)> + 'a {
+        let of_column = self.columns[j]..self.columns[j + 1];
+        self.rows[of_column.clone()].iter().copied().zip(values[of_column].iter().copied())
     }
 }
 

@@ -12,8 +12,14 @@ mod interior_point;
 mod large;
 mod least_squares;
 mod multi_start;
+/// What the file of the library below reads of it.
+mod nlp {
+    pub(crate) use somersault_nlp::Pattern;
+}
 mod problems;
 mod random;
 mod sensitivity;
 mod sqp;
+#[path = "../../src/supernodal.rs"]
+mod supernodal;
 mod unconstrained;
