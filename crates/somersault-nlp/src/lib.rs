@@ -18,7 +18,7 @@
 //! | several minima | [`MultiStart`] with any of them | |
 //!
 //! **Step.** [`Sqp`] takes Newton's step on its working set, a quadratic program with equalities, by one sparse
-//! LDLᵀ factorisation (QDLDL), exchanging rows while bounds or signs of multipliers are violated. Where that does not
+//! LDLᵀ factorisation (QDLDL, or dense blocks where columns are long), exchanging rows while bounds or signs of multipliers are violated. Where that does not
 //! end, clarabel solves the program with inequalities and tells the working set (Morales, Nocedal & Wu 2012), from which
 //! the primal active-set method exchanges rows one by one if need be. Where rows hardly differ, the step is stabilised: they are
 //! met as far as multipliers stay near those of the last iteration (Wright 1998; Gill & Robinson 2013). Where
