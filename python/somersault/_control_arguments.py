@@ -373,11 +373,15 @@ def _positive(argument: str, pair: tuple[float, float]) -> tuple[float, float]:
     return pair
 
 
-def _values(argument: str, given: Any) -> _Floats:
+def _numbers(argument: str, given: Any) -> _Floats:
     try:
-        values = np.asarray(given, dtype=float)
+        return np.asarray(given, dtype=float)
     except (TypeError, ValueError) as error:
         raise InputError(f"`{argument}` must be real numbers, found {given!r}") from error
+
+
+def _values(argument: str, given: Any) -> _Floats:
+    values = _numbers(argument, given)
     if values.ndim > 1:
         raise InputError(f"`{argument}` must be a number or a list of numbers, found shape {values.shape}")
     return values

@@ -23,6 +23,7 @@ from somersault._control_arguments import (
     _line,
     _Names,
     _number,
+    _numbers,
     _positive,
     _Range,
     _range,
@@ -646,14 +647,14 @@ class ControlProblem:
         known = ["t", *names.states, *names.controls, *names.parameters]
         rows = {}
         for name, value in guess.items():
-            whole = {"x": names.states, "u": names.controls}.get(name) if np.ndim(value) == 2 else None
-            of = f"{argument}[{name!r}]"
-            if whole is None:
-                rows[name] = _values(of, value)
-            elif np.shape(value)[1] == len(whole):
-                rows |= {each: _values(of, row) for each, row in zip(whole, np.transpose(value), strict=True)}
+            of, whole = f"{argument}[{name!r}]", {"x": names.states, "u": names.controls}.get(name)
+            values = _numbers(of, value)
+            if whole is None or (name in known and values.ndim != 2):
+                rows[name] = _values(of, values)
+            elif values.shape[1:] == (len(whole),):
+                rows |= dict(zip(whole, values.T, strict=True))
             else:
-                raise InputError(f"`{of}` must have {len(whole)} columns, found {np.shape(value)[1]}")
+                raise InputError(f"`{of}` must have shape (n, {len(whole)}), found {values.shape}")
         if unknown := [name for name in rows if name not in known]:
             raise InputError(f"`{argument}` must have names among {', '.join(known)}, found {unknown[0]!r}")
         lengths = {len(row) for name, row in rows.items() if row.ndim and name not in names.parameters}

@@ -291,6 +291,10 @@ def test_what_does_not_fit_is_refused_by_name(case: str) -> None:
         ({"speed": 1.0}, "`guess` must have names among t, x, v, force, found 'speed'"),
         ({"x": [0, 1], "v": [0, 1, 2]}, "`guess` must have as many values of each, found [2, 3]"),
         ({"x": [0.5]}, "`guess` must have at least 2 values of each, found 1"),
+        ({"x": [[0, 1, 2]]}, "`guess['x']` must have shape (n, 2), found (1, 3)"),
+        ({"u": []}, "`guess['u']` must have shape (n, 1), found (0,)"),
+        ({"v": [[0], [1, 2]]}, "`guess['v']` must be real numbers, found [[0], [1, 2]]"),
+        ({"v": [[0, 1]]}, "`guess['v']` must be a number or a list of numbers, found shape (1, 2)"),
         ([0, 1], "`guess` must be values by name or an earlier result, found a list"),
     ],
 )
