@@ -731,6 +731,32 @@ mod tests {
     }
 
     #[test]
+    fn nothing_of_a_matrix_that_is_no_number_is_left_for_the_next() {
+        for case in cases() {
+            for instructions in InstructionSet::supported() {
+                let factored = |matrices: &[&[f64]]| {
+                    let mut factors = SupernodalFactors::new(&case.pattern, &case.order);
+                    factors.instructions = instructions;
+                    let done: Vec<bool> = matrices.iter().map(|values| factors.factor(values)).collect();
+                    let mut x: Vec<f64> = (0..case.order.len()).map(|i| (i as f64).cos()).collect();
+                    factors.solve(&mut x);
+                    (done.last().copied(), factors.pivots, x)
+                };
+                let mut random = SplitMix64::new(5);
+                // not the first pivots, so that there is something to be left
+                let is_diagonal: Vec<bool> = case.pattern.entries().map(|(_, i, j)| i == j).collect();
+                let spoilt: Vec<f64> = case
+                    .values
+                    .iter()
+                    .zip(&is_diagonal)
+                    .map(|(x, is_diagonal)| if !is_diagonal && random.unit() < 0.3 { f64::NAN } else { *x })
+                    .collect();
+                assert_eq!(factored(&[&spoilt, &case.values]), factored(&[&case.values]));
+            }
+        }
+    }
+
+    #[test]
     fn columns_with_nearly_the_same_rows_are_one_supernode() {
         let dense = SupernodalFactors::new(&Pattern::upper_triangle(40), &(0..40).collect::<Vec<_>>());
         assert_eq!(dense.supernodes.len(), 1);
