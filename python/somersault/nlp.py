@@ -194,7 +194,8 @@ def _start(x0: ArrayLike | MinimizeResult) -> tuple[_Vector, tuple[_Vector, _Vec
         return x0.x.copy(), x0._start
     x = np.atleast_1d(np.asarray(x0, dtype=float)).copy()
     if x.ndim != 1 or not np.isfinite(x).all():
-        raise InputError(f"`x0` must be a vector of finite numbers, found shape {x.shape}")
+        found = f"shape {x.shape}" if x.ndim != 1 else f"{x[~np.isfinite(x)][0]}"
+        raise InputError(f"`x0` must be a vector of finite numbers, found {found}")
     return x, None
 
 

@@ -196,7 +196,8 @@ def test_missing_values_are_stepped_back_from_and_named_at_the_start() -> None:
     ("arguments", "message"),
     [
         ({"method": "SLSQP"}, "`method` must be 'ipm', 'sqp' or 'lbfgs', found 'SLSQP'"),
-        ({"x0": [[1.0, 2.0]]}, "`x0` must be a vector"),
+        ({"x0": [[1.0, 2.0]]}, r"`x0` must be a vector of finite numbers, found shape \(1, 2\)"),
+        ({"x0": [0.0, np.inf]}, "`x0` must be a vector of finite numbers, found inf"),
         ({"bounds": [(0, 1)]}, "`bounds` must have 2 pairs, found 1"),
         ({"options": {"ftol": 1}}, "`options` may have .*, found 'ftol'"),
         ({"constraints": {"type": "le", "fun": rosen}}, r"constraint\[0\] must have a `type` 'eq' or 'ineq'"),
@@ -210,6 +211,12 @@ def test_bad_input_is_named(arguments: dict[str, Any], message: str) -> None:
     fun, x0 = arguments.pop("fun", rosen), arguments.pop("x0", [0.0, 1.0])
     with pytest.raises(InputError, match=message):
         nlp.minimize(fun, x0, **arguments)
+
+
+@pytest.mark.parametrize("method", ["ipm", "sqp", "lbfgs"])
+def test_no_variables_have_one_value(method: Any) -> None:
+    found = nlp.minimize(lambda x: 3.0 + x @ x, [], method=method)
+    assert found.success and found.fun == 3.0 and found.x.shape == (0,)
 
 
 def test_functions_may_bring_their_own_derivatives() -> None:

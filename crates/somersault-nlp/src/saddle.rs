@@ -59,7 +59,8 @@ impl Saddle {
         })?;
         let lengths = factors.L.colptr.windows(2).map(|ends| (ends[1] - ends[0] + 1) as f64);
         let (n_lower, operations) = lengths.fold((0.0, 0.0), |(sum, squares), l| (sum + l, squares + l * l));
-        let factors = if operations > DENSE * n_lower {
+        // QDLDL panics where there is no column
+        let factors = if operations > DENSE * n_lower || n + m == 0 {
             Factors::Supernodal(SupernodalFactors::new(&pattern, &factors.perm))
         } else {
             Factors::Simplicial { factors, entries: (0..n_entries).collect() }

@@ -4,8 +4,8 @@ use crate::problems::{D, FREE, Functions, INF, POSITIVE, Problem, ZERO, publishe
 use crate::sqp::solve;
 use num_dual::DualNum;
 use somersault_nlp::{
-    Bounds, Curvature, EvaluationError, Flow, Globalisation, GradientDescent, HessianSource, Lbfgs, Limits,
-    Nlp, NlpSolver, NoHessian, Pattern, Report, SolverError, Sqp, Start, Status, Structure,
+    Bounds, Curvature, EvaluationError, Flow, Globalisation, GradientDescent, HessianSource, InteriorPoint,
+    Lbfgs, Limits, Nlp, NlpSolver, NoHessian, Pattern, Report, SolverError, Sqp, Start, Status, Structure,
 };
 use std::time::Duration;
 
@@ -191,6 +191,22 @@ impl std::fmt::Display for Key {
 }
 
 impl std::error::Error for Key {}
+
+#[test]
+fn a_program_without_variables_has_its_only_point() {
+    let constant = Problem::new("constant", &[], &[], &[], 3.0, |_| vec![D::from(3.0)]);
+    let solvers: [&dyn NlpSolver; 3] = [&Sqp::default(), &InteriorPoint::default(), &Lbfgs::default()];
+    for solver in solvers {
+        let report = solver.solve(&mut constant.program(), &[].as_slice().into(), &mut |_| Flow::Continue);
+        let report = report.unwrap();
+        assert_eq!((report.status, report.cost, report.z.len()), (Status::Converged, 3.0, 0));
+    }
+    let impossible = Problem::new("impossible", &[], &[], &[ZERO], 3.0, |_| vec![D::from(3.0), D::from(1.0)]);
+    for solver in &solvers[..2] {
+        let report = solver.solve(&mut impossible.program(), &[].as_slice().into(), &mut |_| Flow::Continue);
+        assert_eq!(report.unwrap().status, Status::Infeasible);
+    }
+}
 
 #[test]
 fn errors_of_the_user_come_out_with_the_best_iterate() {
