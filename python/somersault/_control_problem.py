@@ -647,14 +647,15 @@ class ControlProblem:
         known = ["t", *names.states, *names.controls, *names.parameters]
         rows = {}
         for name, value in guess.items():
-            of, whole = f"{argument}[{name!r}]", {"x": names.states, "u": names.controls}.get(name)
+            of, columns = f"{argument}[{name!r}]", {"x": names.states, "u": names.controls}.get(name)
             values = _numbers(of, value)
-            if whole is None or (name in known and values.ndim != 2):
+            # a state may be called x, and then one dimension is its own values
+            if columns is None or (values.ndim < 2 and name in known):
                 rows[name] = _values(of, values)
-            elif values.shape[1:] == (len(whole),):
-                rows |= dict(zip(whole, values.T, strict=True))
+            elif values.shape[1:] == (len(columns),):
+                rows |= dict(zip(columns, values.T, strict=True))
             else:
-                raise InputError(f"`{of}` must have shape (n, {len(whole)}), found {values.shape}")
+                raise InputError(f"`{of}` must have shape (n, {len(columns)}), found {values.shape}")
         if unknown := [name for name in rows if name not in known]:
             raise InputError(f"`{argument}` must have names among {', '.join(known)}, found {unknown[0]!r}")
         lengths = {len(row) for name, row in rows.items() if row.ndim and name not in names.parameters}

@@ -218,7 +218,7 @@ impl Tree {
                 let size = together * (together + 1) / 2 + together * (next_height - next_width);
                 let fraction = joint_zeros as f64 / size as f64;
                 if together <= SMALLEST
-                    || MERGED.iter().any(|(most, zeros)| together <= *most && fraction < *zeros)
+                    || MERGED.iter().any(|(most, allowed)| together <= *most && fraction < *allowed)
                 {
                     (columns.end, height, zeros) = (next.end, joint_height, joint_zeros);
                     merged.pop();
