@@ -76,7 +76,7 @@ impl ShapeMotion for Swing {
 }
 
 /// A tree of bodies with hinges, slides and ball joints under a root of the given kind.
-fn flying_tree(random: &mut Random, root: Joint, n: usize) -> Model {
+pub(crate) fn flying_tree(random: &mut Random, root: Joint, n: usize) -> Model {
     let mut builder = ModelBuilder::new().with_gravity(random.vector(10.0));
     let placed = |random: &mut Random, link: Link| link.at(random.vector(0.5)).turned(random.rotation());
     let link = Link::root("b0", root, random.body());
@@ -95,7 +95,7 @@ fn flying_tree(random: &mut Random, root: Joint, n: usize) -> Model {
     builder.build().unwrap()
 }
 
-fn take_off(random: &mut Random, momentum: f64) -> TakeOff {
+pub(crate) fn take_off(random: &mut Random, momentum: f64) -> TakeOff {
     TakeOff {
         time: random.within(-1.0, 1.0),
         center_of_mass: random.vector(3.0),
@@ -105,7 +105,7 @@ fn take_off(random: &mut Random, momentum: f64) -> TakeOff {
 }
 
 /// Orientation numbers of the root.
-fn orientation(random: &mut Random, model: &Model) -> Vec<f64> {
+pub(crate) fn orientation(random: &mut Random, model: &Model) -> Vec<f64> {
     let q = random_configuration(random, model).unwrap();
     if model.joint(0) == Some(&Joint::Planar) { q[2..3].to_vec() } else { q[3..7].to_vec() }
 }

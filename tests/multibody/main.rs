@@ -4,6 +4,7 @@ mod allocation;
 mod derivatives;
 mod dynamics;
 mod flight;
+mod flight_shapes;
 mod many;
 mod mimic;
 mod mjcf;

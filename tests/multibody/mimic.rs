@@ -3,7 +3,7 @@
 use crate::derivatives::{contracted, random_directions};
 use nalgebra::{DMatrix, DVector, Vector3};
 use num_dual::Dual64;
-use somersault::multibody::flight::{Flight, FlightData};
+use somersault::multibody::flight::{Flight, FlightData, FlightDerivatives, FlightShapes};
 use somersault::multibody::motion::TreeSystem;
 use somersault::multibody::{
     Axes, Data, DerivativeData, Force, Joint, Link, MassProperties, Model, ModelBuilder, ModelError,
@@ -321,6 +321,13 @@ fn a_coupled_tree_flies_as_the_full_tree_does() {
         let found = flight.derivatives(&mut data, &q, &v).unwrap();
         let expected = flight_full.derivatives(&mut data_full, &q_full, &v_full).unwrap();
         close(found.angular_velocity.as_slice(), expected.angular_velocity.as_slice(), 1e-12);
+        let mut shapes = FlightShapes::default();
+        let (joints, rates) = ([&q[7..], &q[7..]].concat(), [&v[6..], &v[6..]].concat());
+        flight.set_shapes(&mut shapes, 2, &joints, &rates, true).unwrap();
+        let mut check = |_: usize, lane: FlightDerivatives<'_>| {
+            assert_eq!((lane.by_shape, lane.by_shape_velocity), (found.by_shape, found.by_shape_velocity));
+        };
+        flight.derivatives_of_shapes(&mut shapes, &q[3..7].repeat(2), &mut check).unwrap();
         let matrix = |columns: &[Vector3<f64>]| DMatrix::from_fn(3, columns.len(), |i, k| columns[k][i]);
         let shape = case.g.view((6, 6), (case.g.nrows() - 6, case.g.ncols() - 6));
         for (found, expected) in

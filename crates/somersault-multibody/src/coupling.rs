@@ -20,7 +20,6 @@ use crate::error::ModelError;
 use crate::link::Link;
 use somersault_core::Scalar;
 use std::collections::{BTreeSet, HashMap};
-use std::ops::{AddAssign, Mul};
 
 /// For each body where its numbers follow from: the body that leads in the end, the multiplier and the offset.
 #[derive(Debug, Clone, Copy)]
@@ -107,18 +106,6 @@ impl<T: Scalar> Coupling<T> {
         }
         let parents = elimination_tree(v, &velocities, dof_parent);
         Some(Self { positions, velocities, parents })
-    }
-
-    /// out ← out + Gᵀ x, of degrees of freedom from `first` on.
-    pub(crate) fn add<X: Copy + AddAssign + Mul<T, Output = X>>(
-        &self,
-        first: usize,
-        tree: &[X],
-        out: &mut [X],
-    ) {
-        for (row, x) in self.velocities[first..].iter().zip(tree) {
-            out[row.at - first] += *x * row.factor;
-        }
     }
 }
 

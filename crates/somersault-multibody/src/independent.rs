@@ -1,18 +1,30 @@
 //! From independent coordinates to those of the tree and back, around the kernels; see [`coupling`](crate::coupling).
 
 use crate::model::Model;
-use nalgebra::DMatrix;
+use crate::triples::{lifted, scaled, sum};
+use nalgebra::{DMatrix, Vector3};
 use somersault_core::Scalar;
-use std::ops::{AddAssign, Mul};
+use somersault_core::scalar::Lift;
 
 /// From independent numbers to those of the tree and back. `room` is for the result, if there is a coupling.
 impl<T: Scalar> Model<T> {
     /// q_t = G q + o.
     #[inline(always)]
     pub(crate) fn spread_positions<'a>(&self, q: &'a [T], room: &'a mut [T]) -> &'a [T] {
+        self.spread_positions_in((), q, room)
+    }
+
+    /// The same in other arithmetic.
+    #[inline(always)]
+    pub(crate) fn spread_positions_in<'a, N: Lift<T>>(
+        &self,
+        proof: N::Proof,
+        q: &'a [N],
+        room: &'a mut [N],
+    ) -> &'a [N] {
         let Some(coupling) = &self.coupling else { return q };
         for (out, row) in room.iter_mut().zip(&coupling.positions) {
-            *out = q[row.at] * row.factor + row.offset;
+            *out = q[row.at] * N::lift(proof, row.factor) + N::lift(proof, row.offset);
         }
         room
     }
@@ -20,9 +32,20 @@ impl<T: Scalar> Model<T> {
     /// v_t = G v, for velocities and accelerations.
     #[inline(always)]
     pub(crate) fn spread<'a>(&self, v: &'a [T], room: &'a mut [T]) -> &'a [T] {
+        self.spread_in((), v, room)
+    }
+
+    /// The same in other arithmetic.
+    #[inline(always)]
+    pub(crate) fn spread_in<'a, N: Lift<T>>(
+        &self,
+        proof: N::Proof,
+        v: &'a [N],
+        room: &'a mut [N],
+    ) -> &'a [N] {
         let Some(coupling) = &self.coupling else { return v };
         for (out, row) in room.iter_mut().zip(&coupling.velocities) {
-            *out = v[row.at] * row.factor;
+            *out = v[row.at] * N::lift(proof, row.factor);
         }
         room
     }
@@ -30,21 +53,31 @@ impl<T: Scalar> Model<T> {
     /// τ = Gᵀ τ_t.
     #[inline(always)]
     pub(crate) fn gather<'a>(&self, tree: &'a [T], room: &'a mut [T]) -> &'a [T] {
-        self.gather_from(0, tree, T::zero(), room)
+        let Some(coupling) = &self.coupling else { return tree };
+        room.fill(T::zero());
+        for (row, x) in coupling.velocities.iter().zip(tree) {
+            room[row.at] += *x * row.factor;
+        }
+        room
     }
 
-    /// Of whatever there is one for each degree of freedom from `first` on; followers come later.
+    /// Of vectors, one for each degree of freedom from `first` on, in other arithmetic; followers come later.
     #[inline(always)]
-    pub(crate) fn gather_from<'a, X: Copy + AddAssign + Mul<T, Output = X>>(
+    pub(crate) fn gather_vectors_in<'a, N: Lift<T>>(
         &self,
+        proof: N::Proof,
         first: usize,
-        tree: &'a [X],
-        zero: X,
-        room: &'a mut [X],
-    ) -> &'a [X] {
+        tree: &'a [Vector3<N>],
+        room: &'a mut [Vector3<N>],
+    ) -> &'a [Vector3<N>] {
         let Some(coupling) = &self.coupling else { return tree };
-        room.fill(zero);
-        coupling.add(first, tree, room);
+        for out in room.iter_mut() {
+            *out = lifted(proof, &Vector3::zeros());
+        }
+        for (row, x) in coupling.velocities[first..].iter().zip(tree) {
+            let out = &mut room[row.at - first];
+            *out = sum(out, &scaled(x, N::lift(proof, row.factor)));
+        }
         room
     }
 

@@ -71,6 +71,45 @@ impl<T: Arithmetic> Symmetric3<T> {
         Matrix3::new(self.xx, self.xy, self.xz, self.xy, self.yy, self.yz, self.xz, self.yz, self.zz)
     }
 
+    /// S⁻¹ by the factors L D Lᵀ, where S is positive definite; with the numbers 0 and 1.
+    #[inline(always)]
+    pub(crate) fn inverse(&self, [zero, one]: [T; 2]) -> Option<Self> {
+        let d1 = self.xx;
+        let (l21, l31) = (self.xy / d1, self.xz / d1);
+        let d2 = self.yy - l21 * self.xy;
+        let left = self.yz - l31 * self.xy;
+        let l32 = left / d2;
+        let d3 = self.zz - l31 * self.xz - l32 * left;
+        if !(d1.exceeds(zero) && d2.exceeds(zero) && d3.exceeds(zero)) {
+            return None;
+        }
+        let (i1, i2, zz) = (one / d1, one / d2, one / d3);
+        let m31 = l21 * l32 - l31;
+        let (yz, xz) = (-l32 * zz, m31 * zz);
+        Some(Self {
+            xx: i1 + l21 * l21 * i2 + m31 * xz,
+            xy: -l21 * i2 - l32 * xz,
+            xz,
+            yy: i2 - l32 * yz,
+            yz,
+            zz,
+        })
+    }
+
+    /// The square of the Frobenius norm.
+    #[inline(always)]
+    pub(crate) fn norm_squared(&self) -> T {
+        let across = self.xy * self.xy + self.xz * self.xz + self.yz * self.yz;
+        self.xx * self.xx + self.yy * self.yy + self.zz * self.zz + across + across
+    }
+
+    /// The inverse of the component S_zz alone, where it is positive, with zeros around it.
+    #[inline(always)]
+    pub(crate) fn inverse_of_normal(&self, [o, one]: [T; 2]) -> Option<Self> {
+        let inverse = Self { xx: o, xy: o, xz: o, yy: o, yz: o, zz: one / self.zz };
+        self.zz.exceeds(o).then_some(inverse)
+    }
+
     /// R S Rᵀ.
     #[inline(always)]
     fn rotated(&self, r: &Matrix3<T>) -> Self {
@@ -186,6 +225,21 @@ impl<T: Arithmetic> SpatialInertia<T> {
             first_moment: lifted(proof, &self.first_moment),
             rotational: self.rotational.lift(proof),
         }
+    }
+
+    /// The centre of mass, and the rotational inertia about it.
+    #[inline(always)]
+    pub(crate) fn about_center(&self, one: T) -> (Vector3<T>, Symmetric3<T>) {
+        let center = scaled(&self.first_moment, one / self.mass);
+        let (c, h, mut about) = (&center, &self.first_moment, self.rotational);
+        let (x, y, z) = (c.x * h.x, c.y * h.y, c.z * h.z);
+        about.xx -= y + z;
+        about.yy -= x + z;
+        about.zz -= x + y;
+        about.xy += c.x * h.y;
+        about.xz += c.x * h.z;
+        about.yz += c.y * h.z;
+        (center, about)
     }
 
     /// The momentum of the body moving at `motion`.

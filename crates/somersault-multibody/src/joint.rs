@@ -288,12 +288,6 @@ impl<T: Scalar> Mechanism<T> {
 
     /// Pose of the child in the parent.
     #[inline(always)]
-    pub(crate) fn transform(&self, q: &[T]) -> Transform<T> {
-        self.transform_in((), q)
-    }
-
-    /// The same in other arithmetic.
-    #[inline(always)]
     pub(crate) fn transform_in<N: Lift<T>>(&self, proof: N::Proof, q: &[N]) -> Transform<N> {
         match self {
             Self::Fixed(placement) => placement.lift(proof),

@@ -102,15 +102,10 @@ impl<L: Lanes> Room<L> {
             }
             first += part.len();
         }
-        let Some(coupling) = &model.coupling else { return };
         let [own, spread] = &mut self.q;
-        for (to, row) in spread.iter_mut().zip(&coupling.positions) {
-            *to = own[row.at].scaled(row.factor) + LaneDual::lift(lanes, row.offset);
-        }
+        model.spread_positions_in(lanes, own, spread);
         for [own, spread] in [&mut self.v, &mut self.a] {
-            for (to, row) in spread.iter_mut().zip(&coupling.velocities) {
-                *to = own[row.at].scaled(row.factor);
-            }
+            model.spread_in(lanes, own, spread);
         }
     }
 

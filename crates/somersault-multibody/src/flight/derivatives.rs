@@ -9,12 +9,10 @@
 //! ```
 //! with I_k and H_k inertia and momentum of the bodies further out; V₀ then makes up for it.
 
-use super::{Flight, FlightData, Reduced, Shape};
+use super::{Flight, FlightData};
 use crate::error::DynamicsError;
-use crate::spatial::Force;
 use nalgebra::{Matrix3, Vector3};
 use somersault_core::Scalar;
-use somersault_core::lie::so3::hat;
 
 /// ω and its derivatives, in axes of the root.
 ///
@@ -49,49 +47,23 @@ impl<T: Scalar> Flight<'_, T> {
 
     /// Evaluates what the [derivatives](Self::derivatives_of_shape) by the shape that was set last have in common.
     pub fn set_directions(&self, data: &mut FlightData<T>) {
-        let FlightData { nodes, shape, columns, by_shape_velocity, .. } = data;
-        for (node, body) in nodes.iter().zip(&self.model.bodies) {
-            if body.parent.is_none() {
-                continue;
-            }
-            for k in body.dofs.clone() {
-                let column = self.model.directions[k].seen_from((), &node.pose);
-                by_shape_velocity[k - self.n_root()] = shape.answer(node.inertia.times(&column));
-                columns[k - self.n_root()] = column;
-            }
-        }
+        self.set_directions_in((), &mut data.0);
     }
 
     /// The derivatives for the shape that was [set](Self::set_shape) last, with its [directions](Self::set_directions): of `q` only the
     /// orientation of the root is read.
     pub fn derivatives_of_shape<'d>(&self, data: &'d mut FlightData<T>, q: &[T]) -> FlightDerivatives<'d, T> {
-        let Reduced { turn, momentum, velocity } = self.reduce(&data.shape, q);
-        let FlightData { nodes, shape, columns, by_shape, by_shape_velocity, gathered, .. } = data;
-        for (node, body) in nodes.iter().zip(&self.model.bodies) {
-            let Some(parent) = body.parent else { continue };
-            let outer = velocity + nodes[parent].velocity;
-            let carried = node.momentum + node.inertia.times(&velocity);
-            for k in body.dofs.clone() {
-                let column = &columns[k - self.n_root()];
-                let change = column.cross_force(&carried) - node.inertia.times(&column.cross(&outer));
-                by_shape[k - self.n_root()] = shape.answer(change);
-            }
-        }
-        let [of_shape, of_velocity] = gathered;
-        let (from, zero) = (self.n_root(), Vector3::zeros());
+        let reduced = self.reduce(data, q);
+        let shape = &data.0.shape;
+        let (by_orientation, by_angular_momentum) =
+            (shape.by_orientation(&reduced), shape.by_angular_momentum(&reduced));
+        let [by_shape, by_shape_velocity] = self.derive_in((), &mut data.0, &reduced);
         FlightDerivatives {
-            angular_velocity: velocity.angular,
-            by_shape: self.model.gather_from(from, by_shape, zero, of_shape),
-            by_shape_velocity: self.model.gather_from(from, by_shape_velocity, zero, of_velocity),
-            by_orientation: shape.inverse_inertia * hat(&momentum),
-            by_angular_momentum: shape.inverse_inertia * turn.transpose(),
+            angular_velocity: reduced.velocity.angular,
+            by_shape,
+            by_shape_velocity,
+            by_orientation,
+            by_angular_momentum,
         }
-    }
-}
-
-impl<T: Scalar> Shape<T> {
-    /// What the angular velocity of the root makes up for.
-    fn answer(&self, change: Force<T>) -> Vector3<T> {
-        self.inverse_inertia * -change.about(&self.center).angular
     }
 }

@@ -23,23 +23,27 @@
 
 mod changed;
 mod derivatives;
+mod second;
+mod shapes;
 pub mod step;
 mod system;
+mod tree;
 
 pub use changed::{ChangedFlight, FlightChange, HeldPosture, JointCurves, KnownFlight, N_CHANGES};
 pub use derivatives::FlightDerivatives;
+pub use second::FlightSecondDerivatives;
+pub use shapes::FlightShapes;
 pub use system::{FlightSystem, FlightWorkspace, ShapeMotion};
 
-use crate::data::{Data, Room};
+use crate::data::Data;
 use crate::error::DynamicsError;
-use crate::inertia::SpatialInertia;
 use crate::joint::{Group, Joint};
 use crate::model::Model;
-use crate::spatial::{Force, Motion, Transform};
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use crate::spatial::Transform;
+use nalgebra::{UnitQuaternion, Vector3};
 use somersault_core::argument::expect_length;
-use somersault_core::lie::so3::from_xyzw;
 use somersault_core::scalar::{Scalar, constant};
+use tree::{FlightTree, Reduced};
 
 /// Why a tree cannot be reduced by its momentum.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -101,77 +105,12 @@ pub struct Flight<'m, T: Scalar = f64> {
 
 /// Room for the evaluations of a flight, made once for a model and used repeatedly.
 #[derive(Debug, Clone)]
-pub struct FlightData<T: Scalar = f64> {
-    nodes: Vec<Node<T>>,
-    /// Of the shape set last.
-    shape: Shape<T>,
-    /// The axis of each degree of freedom after the root's, in axes of the root.
-    columns: Vec<Motion<T>>,
-    /// In tree coordinates.
-    by_shape: Vec<Vector3<T>>,
-    by_shape_velocity: Vec<Vector3<T>>,
-    /// In independent ones, where joints follow others.
-    gathered: [Vec<Vector3<T>>; 2],
-    room: Room<T>,
-}
-
-/// One body, in the axes of the root about its origin, the root at rest.
-#[derive(Debug, Clone, Copy)]
-struct Node<T> {
-    pose: Transform<T>,
-    velocity: Motion<T>,
-    /// Of the body and all further out.
-    inertia: SpatialInertia<T>,
-    /// Of the body and all further out.
-    momentum: Force<T>,
-}
-
-/// What a shape and its velocities are without the orientation of the root, in its axes.
-#[derive(Debug, Clone, Copy)]
-struct Shape<T> {
-    /// Centre of mass from the origin of the root.
-    center: Vector3<T>,
-    /// I⁻¹; of the normal component alone where the root is planar.
-    inverse_inertia: Matrix3<T>,
-    /// A ṡ, about the centre of mass.
-    angular: Vector3<T>,
-    /// The velocity that the joints give the centre of mass, the root at rest.
-    linear: Vector3<T>,
-}
-
-/// The motion of the root that the momentum leaves, seen from the centre of mass, in axes of the root.
-struct Reduced<T> {
-    /// Orientation of the root, its axes → world.
-    turn: Matrix3<T>,
-    /// Rᵀ L.
-    momentum: Vector3<T>,
-    /// Of the root.
-    velocity: Motion<T>,
-}
+pub struct FlightData<T: Scalar = f64>(FlightTree<T>);
 
 impl<T: Scalar> FlightData<T> {
     /// A workspace for `model`.
     pub fn new(model: &Model<T>) -> Self {
-        let node = Node {
-            pose: Transform::identity(),
-            velocity: Motion::zero(),
-            inertia: SpatialInertia::zero(),
-            momentum: Force::zero(),
-        };
-        let n_root = model.velocities_of(0).len();
-        let n_shape = model.directions.len() - n_root;
-        let (zero, none) = (Vector3::zeros(), vec![Vector3::zeros(); n_shape]);
-        let n_gathered = model.coupling.as_ref().map_or(0, |_| model.n_velocities() - n_root);
-        let gathered = vec![Vector3::zeros(); n_gathered];
-        Self {
-            nodes: vec![node; model.n_bodies()],
-            shape: Shape { center: zero, inverse_inertia: Matrix3::zeros(), angular: zero, linear: zero },
-            columns: vec![Motion::zero(); n_shape],
-            by_shape: none.clone(),
-            by_shape_velocity: none,
-            gathered: [gathered.clone(), gathered],
-            room: Room::new(model),
-        }
+        Self(FlightTree::new((), model))
     }
 }
 
@@ -260,7 +199,7 @@ impl<'m, T: Scalar> Flight<'m, T> {
 
     /// The same for the shape that was [set](Self::set_shape) last: of `q` only the orientation of the root is read.
     pub fn angular_velocity_of_shape(&self, data: &FlightData<T>, q: &[T]) -> Vector3<T> {
-        self.reduce(&data.shape, q).velocity.angular
+        self.reduce(data, q).velocity.angular
     }
 
     /// Writes the position of the root to `q` and its velocity to `v`, at time `t`.
@@ -277,8 +216,8 @@ impl<'m, T: Scalar> Flight<'m, T> {
         v: &mut [T],
     ) -> Result<(), DynamicsError> {
         self.set_shape(data, q, v)?;
-        let Reduced { turn, velocity, .. } = self.reduce(&data.shape, q);
-        let center = data.shape.center;
+        let Reduced { turn, velocity, .. } = self.reduce(data, q);
+        let center = data.0.shape.center;
         let origin = self.center_of_mass(t) - turn * center - self.placement.translation;
         let position = self.placement.rotation.tr_mul(&origin);
         let linear = turn.tr_mul(&self.center_of_mass_velocity(t)) + velocity.linear;
@@ -308,34 +247,19 @@ impl<'m, T: Scalar> Flight<'m, T> {
         let model = self.model;
         expect_length("q", q.len(), model.n_positions())?;
         expect_length("v", v.len(), model.n_velocities())?;
-        if data.nodes.len() != model.n_bodies()
-            || data.by_shape.len() + self.n_root() != model.directions.len()
-        {
+        if !data.0.is_for(model) {
             return Err(DynamicsError::ForeignData);
         }
-        let Room { q: q_room, v: v_room, .. } = &mut data.room;
-        let (tree_q, tree_v) = (model.spread_positions(q, q_room), model.spread(v, v_room));
-        self.gather(&mut data.nodes, tree_q, tree_v);
-        let Node { inertia, momentum: of_shape, .. } = &data.nodes[0];
-        let center = inertia.first_moment / inertia.mass;
-        let about_center = inertia.rotational.full()
-            - (Matrix3::from_diagonal_element(center.norm_squared()) - center * center.transpose())
-                * inertia.mass;
-        data.shape = Shape {
-            center,
-            inverse_inertia: self.invert(&about_center)?,
-            angular: of_shape.about(&center).angular,
-            linear: of_shape.linear / inertia.mass,
-        };
-        Ok(())
+        self.set_shape_in((), &mut data.0, q, v).ok_or_else(|| self.singular())
     }
 
-    fn reduce(&self, shape: &Shape<T>, q: &[T]) -> Reduced<T> {
-        let turn = self.placement.rotation * self.turn(q);
-        let momentum = turn.tr_mul(&self.take_off.angular_momentum);
-        let angular = shape.inverse_inertia * (momentum - shape.angular);
-        let linear = shape.center.cross(&angular) - shape.linear;
-        Reduced { turn, momentum, velocity: Motion::new(linear, angular) }
+    /// The tree has no inertia about some axis.
+    fn singular(&self) -> DynamicsError {
+        DynamicsError::Singular { joint: self.model.links()[0].name.clone() }
+    }
+
+    fn reduce(&self, data: &FlightData<T>, q: &[T]) -> Reduced<T> {
+        self.reduce_in((), &data.0.shape, &q[self.orientation()])
     }
 
     /// Writes an orientation of the root in its joint frame into a configuration; of a planar one the angle within a turn.
@@ -344,54 +268,6 @@ impl<'m, T: Scalar> Flight<'m, T> {
             q[2] = orientation.k.atan2(orientation.w) * constant(2.0);
         } else {
             q[3..7].copy_from_slice(orientation.coords.as_slice());
-        }
-    }
-
-    /// Rotation of the root in its joint frame.
-    fn turn(&self, q: &[T]) -> Matrix3<T> {
-        let rotation = if self.is_planar {
-            UnitQuaternion::from_axis_angle(&Vector3::z_axis(), q[2])
-        } else {
-            from_xyzw(&q[3..7])
-        };
-        rotation.to_rotation_matrix().into_inner()
-    }
-
-    fn invert(&self, inertia: &Matrix3<T>) -> Result<Matrix3<T>, DynamicsError> {
-        let inverse = if self.is_planar {
-            let (o, normal) = (T::zero(), inertia.m33);
-            (normal > o).then(|| Matrix3::from_diagonal(&Vector3::new(o, o, T::one() / normal)))
-        } else {
-            inertia.cholesky().map(|factor| factor.inverse())
-        };
-        let singular = || DynamicsError::Singular { joint: self.model.links()[0].name.clone() };
-        // beyond a condition of 1/ε the inverse is rounding, or not finite
-        let is_sound = |m: &Matrix3<T>| m.norm() * inertia.norm() * constant(f64::EPSILON) < T::one();
-        inverse.filter(is_sound).ok_or_else(singular)
-    }
-
-    /// Poses, velocities and, gathered inwards, inertias and momenta.
-    fn gather(&self, nodes: &mut [Node<T>], q: &[T], v: &[T]) {
-        let bodies = &self.model.bodies;
-        nodes[0] = Node {
-            pose: Transform::identity(),
-            velocity: Motion::zero(),
-            inertia: bodies[0].inertia,
-            momentum: Force::zero(),
-        };
-        for (i, body) in bodies.iter().enumerate() {
-            let Some(parent) = body.parent else { continue };
-            let pose = nodes[parent].pose.compose(&body.mechanism.transform(&q[body.q..]));
-            let velocity = nodes[parent].velocity + pose.motion(&self.model.relative(body, v));
-            let inertia = body.inertia.seen_from(&pose);
-            nodes[i] = Node { pose, velocity, inertia, momentum: inertia.times(&velocity) };
-        }
-        for (i, body) in bodies.iter().enumerate().rev() {
-            if let Some(parent) = body.parent {
-                let Node { inertia, momentum, .. } = nodes[i];
-                nodes[parent].inertia += inertia;
-                nodes[parent].momentum += momentum;
-            }
         }
     }
 }

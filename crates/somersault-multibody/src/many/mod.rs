@@ -17,7 +17,8 @@ use evaluation::{
     Derivatives, Dynamics, Evaluation, Forward, ForwardPartials, Inverse, InversePartials, MassMatrix,
     Workspace,
 };
-use rows::{Inputs, Rows, wrench, write_row, write_rows};
+pub(crate) use rows::Rows;
+use rows::{Inputs, wrench, write_row, write_rows};
 use somersault_core::argument::expect_length;
 use somersault_core::lanes::{InstructionSet, Kernel, Lanes, WIDEST};
 use std::any::Any;

@@ -11,7 +11,7 @@ use std::ops::Range;
 
 /// Rows of numbers, one for each state or one that stands for all; empty for an argument that there is not.
 #[derive(Clone, Copy)]
-pub(super) struct Rows<'a> {
+pub(crate) struct Rows<'a> {
     numbers: &'a [f64],
     length: usize,
     many: bool,
@@ -31,6 +31,17 @@ impl<'a> Rows<'a> {
         Ok(Self { numbers, length, many })
     }
 
+    /// Rows of which there must be one for each state.
+    pub(crate) fn of_each(
+        argument: &'static str,
+        numbers: &'a [f64],
+        length: usize,
+        count: usize,
+    ) -> Result<Self, DynamicsError> {
+        expect_length(argument, numbers.len(), length.saturating_mul(count))?;
+        Ok(Self { numbers, length, many: true })
+    }
+
     #[inline(always)]
     pub(super) fn row(&self, i: usize) -> &'a [f64] {
         let start = if self.many { i * self.length } else { 0 };
@@ -39,7 +50,7 @@ impl<'a> Rows<'a> {
 
     /// The rows of these states side by side; lanes without a state have the last one.
     #[inline(always)]
-    fn interleave<L: Lanes>(&self, states: Range<usize>, numbers: &mut [f64]) {
+    pub(crate) fn interleave<L: Lanes>(&self, states: Range<usize>, numbers: &mut [f64]) {
         for lane in 0..L::WIDTH {
             let row = self.row((states.start + lane).min(states.end - 1));
             for (x, to) in row.iter().zip(numbers.chunks_exact_mut(L::WIDTH)) {

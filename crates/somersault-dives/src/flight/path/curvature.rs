@@ -8,17 +8,16 @@
 //! ```
 //! with λ the adjoint and X the tangents of all that a step depends on: one sweep backward and one forward. Within a
 //! step the sum continues over its stages. ω is linear in momentum and rates of the channels, so that its second
-//! derivatives are those of its first by the channels: one evaluation over dual numbers for each channel and stage.
+//! derivatives are those of its first by the channels: several channels at a time in the lanes of vector instructions.
 
-use super::{NodeDerivatives, OrientationPath, SAMPLE_OF, SAMPLES};
-use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, Vector3};
-use num_dual::Dual64;
+use super::{AT_REST, NodeDerivatives, OrientationPath, write_joints};
+use nalgebra::{DMatrix, Matrix3, Matrix3xX, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 use somersault_core::lie::short::{omega_by_rate, rate, rate_partials, rate_second_partials};
 use somersault_core::lie::so3::{self, hat, right_jacobian};
+use somersault_multibody::DynamicsError;
 use somersault_multibody::flight::step::{NODES, STAGES, StageRate, WEIGHTS, displacement_curvature};
-use somersault_multibody::flight::{Flight, FlightData, FlightError, TakeOff};
-use somersault_multibody::{DynamicsError, Model};
+use somersault_multibody::flight::{Flight, FlightError, FlightSecondDerivatives, TakeOff};
 
 /// First and second derivatives of a number by the displacement of a node.
 #[derive(Debug, Clone, Copy, Default)]
@@ -65,20 +64,13 @@ impl OrientationPath {
                 at_arrival += restart.counting.curvature(&restart.before, [weight, 0.0, 0.0]);
             }
         })?;
-        let dual = self.model.cast::<Dual64>();
-        let zero = Vector3::repeat(Dual64::from_re(0.0));
-        let take_off = TakeOff {
-            angular_momentum: self.turn_momentum.map(Dual64::from_re),
-            center_of_mass: zero,
-            velocity: zero,
-            time: Dual64::from_re(0.0),
-        };
-        let flight = Flight::try_new(&dual, take_off)?;
+        let take_off = TakeOff { angular_momentum: self.turn_momentum, ..AT_REST };
+        let flight = Flight::try_new(&self.model, take_off)?;
         let acting: Vec<usize> =
             (0..inputs.nrows()).filter(|row| inputs.row(*row).iter().any(|by| *by != 0.0)).collect();
         let active = self.active_channels(&acting);
         let bend = |room: &mut Room, step: usize| {
-            room.make(self, &active[self.first[step]]);
+            room.make(self, &active[self.first(step)]);
             room.bend_step(self, &flight, step, &adjoints[step])
         };
         let mut derivatives = NodeDerivatives::new(self.motion.n_coefficients());
@@ -89,11 +81,11 @@ impl OrientationPath {
             if step % CHUNK == 0 {
                 bent = (step..self.n_steps.min(step + CHUNK))
                     .into_par_iter()
-                    .map_init(|| Room::new(self, &dual), bend)
+                    .map_init(|| Room::new(self), bend)
                     .collect::<Result<_, _>>()?;
             }
             total.read(&derivatives);
-            total.add_step(&bent[step % CHUNK], self.columns(step, &active[self.first[step]]));
+            total.add_step(&bent[step % CHUNK], self.columns(step, &active[self.first(step)]));
             self.carry_to_arrival(step, &mut derivatives);
             if self.restart.as_ref().is_some_and(|restart| restart.node == step + 1) {
                 total.read(&derivatives);
@@ -107,7 +99,7 @@ impl OrientationPath {
         Ok(inputs.tr_mul(&(total.sum * &inputs)))
     }
 
-    /// For each interval of the splines the channels that variables move there, one at least.
+    /// For each interval of the splines the channels that variables move there.
     fn active_channels(&self, acting: &[usize]) -> Vec<Vec<usize>> {
         let basis = self.motion.basis();
         let of_interval = |interval: usize| {
@@ -115,8 +107,7 @@ impl OrientationPath {
                 let first = COEFFICIENTS + channel * basis.n_coefficients() + interval;
                 acting.iter().any(|row| (first..first + basis.n_active()).contains(row))
             };
-            let active: Vec<usize> = (0..self.motion.n_channels()).filter(moves).collect();
-            if active.is_empty() { vec![0] } else { active }
+            (0..self.motion.n_channels()).filter(moves).collect()
         };
         (0..basis.n_intervals()).map(of_interval).collect()
     }
@@ -125,7 +116,7 @@ impl OrientationPath {
     fn columns<'a>(&'a self, step: usize, active: &'a [usize]) -> impl Iterator<Item = usize> + 'a {
         let basis = self.motion.basis();
         let coefficients = active.iter().flat_map(move |channel| {
-            let first = COEFFICIENTS + channel * basis.n_coefficients() + self.first[step];
+            let first = COEFFICIENTS + channel * basis.n_coefficients() + self.first(step);
             first..first + basis.n_active()
         });
         (MOMENTUM..COEFFICIENTS).chain(coefficients)
@@ -189,13 +180,18 @@ impl<'a> Total<'a> {
 
 /// Room for one step.
 struct Room {
-    data: FlightData<Dual64>,
-    q: Vec<Dual64>,
-    v: Vec<Dual64>,
-    joints: Vec<f64>,
+    data: FlightSecondDerivatives,
+    /// The sample whose shape was set last.
+    sample: Option<usize>,
+    q: Vec<f64>,
+    v: Vec<f64>,
     channels: Vec<f64>,
-    /// Channels that variables move in the step, one at least; the only ones in what follows.
+    /// Channels that variables move in the step; the only ones in what follows.
     active: Vec<usize>,
+    /// What each of them does to the joints.
+    directions: Vec<f64>,
+    /// Second derivatives of a · ω along them.
+    rows: Vec<f64>,
     /// Of a stage, by what the step depends on.
     tangents: DMatrix<f64>,
     /// Weighted second derivatives in a stage.
@@ -204,38 +200,53 @@ struct Room {
 }
 
 impl Room {
-    fn new(path: &OrientationPath, dual: &Model<Dual64>) -> Self {
-        Self {
-            data: FlightData::new(dual),
-            q: dual.neutral(),
-            v: vec![Dual64::from_re(0.0); dual.n_velocities()],
-            joints: vec![0.0; path.motion.base().n_joints()],
+    fn new(path: &OrientationPath) -> Self {
+        let n = path.motion.base().n_joints();
+        let mut room = Self {
+            data: FlightSecondDerivatives::default(),
+            sample: None,
+            q: vec![0.0; n],
+            v: vec![0.0; n],
             channels: vec![0.0; path.motion.n_channels()],
             active: Vec::new(),
+            directions: Vec::new(),
+            rows: Vec::new(),
             tangents: DMatrix::zeros(0, 0),
             weights: DMatrix::zeros(0, 0),
             product: DMatrix::zeros(0, 0),
-        }
+        };
+        room.resize(path, 0);
+        room
+    }
+
+    fn resize(&mut self, path: &OrientationPath, n_active: usize) {
+        let n_stage = CHANNELS + 2 * n_active;
+        let n_step = COEFFICIENTS + n_active * path.motion.basis().n_active();
+        self.tangents = DMatrix::zeros(n_stage, n_step);
+        self.weights = DMatrix::zeros(n_stage, n_stage);
+        self.product = DMatrix::zeros(n_stage, n_step);
+        self.rows.resize(n_active * (2 * n_active + 6), 0.0);
     }
 
     /// Makes room for a step with these channels.
     fn make(&mut self, path: &OrientationPath, active: &[usize]) {
         if self.active.len() != active.len() {
-            let n_stage = CHANNELS + 2 * active.len();
-            let n_step = COEFFICIENTS + active.len() * path.motion.basis().n_active();
-            self.tangents = DMatrix::zeros(n_stage, n_step);
-            self.weights = DMatrix::zeros(n_stage, n_stage);
-            self.product = DMatrix::zeros(n_stage, n_step);
+            self.resize(path, active.len());
         }
-        self.active.clear();
-        self.active.extend_from_slice(active);
+        if self.active != active {
+            self.active.clear();
+            self.active.extend_from_slice(active);
+            self.directions.clear();
+            let columns = path.motion.base().directions();
+            self.directions.extend(active.iter().flat_map(|channel| columns.column(*channel)));
+        }
     }
 
     /// Second derivatives of λ · δ at the end of a step by what the step depends on.
     fn bend_step(
         &mut self,
         path: &OrientationPath,
-        flight: &Flight<'_, Dual64>,
+        flight: &Flight<'_>,
         step: usize,
         adjoint: &Vector3<f64>,
     ) -> Result<DMatrix<f64>, DynamicsError> {
@@ -250,8 +261,9 @@ impl Room {
             let u = k * (h * NODES[stage]);
             // what the end of the step answers to ω here is known from the integration
             let by_omega = path.derivatives[step].by_stage[stage].tr_mul(adjoint);
+            self.bend_rate(path, flight, [step, stage], &u, &by_omega)?;
             let StageRate { angular_velocity: omega, by_orientation } =
-                self.bend_rate(path, flight, [step, stage], &u, &by_omega)?;
+                path.stages.rates[step * STAGES + stage];
             let mut omega_tangents = self.read_inputs(path, step, stage);
             if path.is_planar {
                 self.add_to(&mut total);
@@ -290,91 +302,62 @@ impl Room {
         Ok(total)
     }
 
-    /// ω in a stage that is turned by exp(u) from the start of its step, and as weights the second derivatives of a · ω.
+    /// Leaves as weights the second derivatives of a · ω in a stage that is turned by exp(u) from the start of its step.
     fn bend_rate(
         &mut self,
         path: &OrientationPath,
-        flight: &Flight<'_, Dual64>,
+        flight: &Flight<'_>,
         [step, stage]: [usize; 2],
         u: &Vector3<f64>,
         a: &Vector3<f64>,
-    ) -> Result<StageRate, DynamicsError> {
-        let [values, slopes] = &path.basis[step * SAMPLES + SAMPLE_OF[stage]];
-        let (n_active, base) = (self.active.len(), path.motion.base());
-        let (first_joint, n_root) = (self.q.len() - base.n_joints(), self.v.len() - base.n_joints());
-        let turn = path.orientations[step] * so3::exp(u);
-        if path.is_planar {
-            self.q[2] = Dual64::from_re(path.angles[step]);
-        } else {
-            self.q[3..7].iter_mut().zip(turn.coords.iter()).for_each(|(q, r)| *q = Dual64::from_re(*r));
+    ) -> Result<(), DynamicsError> {
+        let sample = path.sample(step, stage);
+        if self.sample != Some(sample) {
+            let Self { q, v, channels, .. } = &mut *self;
+            let values = &path.basis[sample];
+            write_joints(&path.motion, &path.coefficients, path.first(step), values, channels, q, v);
+            flight.set_shape_along(&mut self.data, &self.q, &self.v, &self.directions)?;
+            self.sample = Some(sample);
         }
-        path.combine(step, slopes, &mut self.channels);
-        base.rates_into(&self.channels, &mut self.joints);
-        let rates = self.v[n_root..].iter_mut().zip(&self.joints);
-        rates.for_each(|(v, rate)| *v = Dual64::from_re(*rate));
-        path.combine(step, values, &mut self.channels);
-        base.positions_into(&self.channels, &mut self.joints);
-        let placement = path.model.placement(0).map_or_else(Matrix3::identity, |p| p.rotation);
         self.weights.fill(0.0);
-        let mut found = StageRate { angular_velocity: Vector3::zeros(), by_orientation: Matrix3::zeros() };
-        for (k, channel) in self.active.clone().into_iter().enumerate() {
-            let direction = base.directions().column(channel).into_owned();
-            for (q, (joint, along)) in
-                self.q[first_joint..].iter_mut().zip(self.joints.iter().zip(direction.iter()))
-            {
-                *q = Dual64::new(*joint, *along);
-            }
-            let dual = flight.derivatives(&mut self.data, &self.q, &self.v)?;
-            let row = CHANNELS + k;
-            for (first, columns) in [(CHANNELS, dual.by_shape), (CHANNELS + n_active, dual.by_shape_velocity)]
-            {
-                let weighted = DVector::from_iterator(
-                    columns.len(),
-                    columns.iter().map(|c| c.iter().zip(a.iter()).map(|(c, a)| c.eps * a).sum()),
-                );
-                for (l, other) in self.active.iter().enumerate() {
-                    let bent = base.directions().column(*other).dot(&weighted);
-                    self.weights[(row, first + l)] = bent;
-                    self.weights[(first + l, row)] = bent;
-                }
-            }
-            for (first, matrix) in [(PLACE, dual.by_orientation), (OF_STAGE, dual.by_angular_momentum)] {
-                let bent = matrix.map(|entry| entry.eps).tr_mul(a);
-                self.weights.fixed_view_mut::<1, 3>(row, first).tr_copy_from(&bent);
-                self.weights.fixed_view_mut::<3, 1>(first, row).copy_from(&bent);
-            }
-            if k == 0 {
-                let real = |entry: Dual64| entry.re;
-                found = StageRate {
-                    angular_velocity: dual.angular_velocity.map(real),
-                    by_orientation: dual.by_orientation.map(real),
-                };
-                if !path.is_planar {
-                    // ω = I⁻¹ m, m = Rᵀ T L
-                    let turn = placement * turn.to_rotation_matrix().into_inner();
-                    let p = turn.tr_mul(&dual.by_angular_momentum.map(real).tr_mul(a));
-                    let m = turn.tr_mul(&path.turn_momentum);
-                    let outer = p * m.transpose();
-                    let twice = (outer + outer.transpose()) * 0.5 - Matrix3::from_diagonal_element(p.dot(&m));
-                    self.set_weights(PLACE, PLACE, &twice);
-                    self.set_weights(PLACE, OF_STAGE, &(hat(&p) * turn.transpose()));
-                }
+        if path.is_planar {
+            flight.second_derivatives_of_shape(&mut self.data, &[path.angles[step]], a, &mut self.rows)?;
+        } else {
+            let turn: UnitQuaternion<f64> = path.orientations[step] * so3::exp(u);
+            flight.second_derivatives_of_shape(&mut self.data, turn.coords.as_slice(), a, &mut self.rows)?;
+            // ω = I⁻¹ m, m = Rᵀ T L
+            let placement = path.model.placement(0).map_or_else(Matrix3::identity, |p| p.rotation);
+            let turn = placement * turn.to_rotation_matrix().into_inner();
+            let by_momentum = &path.stages.by_momentum[step * STAGES + stage];
+            let p = turn.tr_mul(&by_momentum.tr_mul(a));
+            let m = turn.tr_mul(&path.turn_momentum);
+            let outer = p * m.transpose();
+            let twice = (outer + outer.transpose()) * 0.5 - Matrix3::from_diagonal_element(p.dot(&m));
+            self.set_weights(PLACE, PLACE, &twice);
+            self.set_weights(PLACE, OF_STAGE, &(hat(&p) * turn.transpose()));
+        }
+        let n = self.active.len();
+        let columns = (CHANNELS..CHANNELS + 2 * n).chain(PLACE..PLACE + 3).chain(OF_STAGE..OF_STAGE + 3);
+        for (k, row) in self.rows.chunks_exact(2 * n + 6).enumerate() {
+            for (column, bent) in columns.clone().zip(row) {
+                self.weights[(CHANNELS + k, column)] = *bent;
+                self.weights[(column, CHANNELS + k)] = *bent;
             }
         }
-        Ok(found)
+        Ok(())
     }
 
     /// Leaves the tangents of channels and rates, and returns what they and the momentum are for ω.
     fn read_inputs(&mut self, path: &OrientationPath, step: usize, stage: usize) -> Matrix3xX<f64> {
         let (n_channels, n_values) = (path.motion.n_channels(), path.motion.basis().n_active());
-        let [values, slopes] = &path.basis[step * SAMPLES + SAMPLE_OF[stage]];
-        let at = step * STAGES + stage;
+        let [values, slopes] = &path.basis[path.sample(step, stage)];
+        let (at, stages) = (step * STAGES + stage, &path.stages);
         let mut omega = Matrix3xX::zeros(self.tangents.ncols());
-        omega.fixed_columns_mut::<3>(MOMENTUM).copy_from(&path.by_momentum[at]);
+        omega.fixed_columns_mut::<3>(MOMENTUM).copy_from(&stages.by_momentum[at]);
         let n_active = self.active.len();
         for (k, channel) in self.active.iter().enumerate() {
             let (by_channel, by_rate) =
-                (path.by_channel[at * n_channels + channel], path.by_rate[at * n_channels + channel]);
+                (stages.by_channel[at * n_channels + channel], stages.by_rate[at * n_channels + channel]);
             for j in 0..n_values {
                 let column = COEFFICIENTS + k * n_values + j;
                 self.tangents[(CHANNELS + k, column)] = values[j];

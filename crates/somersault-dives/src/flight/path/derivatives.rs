@@ -1,6 +1,6 @@
 //! What the orientations of a path depend on: forward to a node, or backward from all.
 
-use super::{OrientationPath, SAMPLE_OF, SAMPLES};
+use super::OrientationPath;
 use nalgebra::{Matrix3, Vector3};
 use somersault_core::argument::{expect_length, expect_range};
 use somersault_multibody::DynamicsError;
@@ -77,7 +77,7 @@ impl OrientationPath {
             let derivative = &self.derivatives[step];
             for stage in (0..STAGES).filter(|stage| !self.is_idle(*stage)) {
                 let to_node = transition * derivative.by_stage[stage];
-                out.by_momentum += to_node * self.by_momentum[step * STAGES + stage];
+                out.by_momentum += to_node * self.stages.by_momentum[step * STAGES + stage];
                 self.add_inputs(step, stage, |coefficient, by| {
                     out.by_coefficients[coefficient] += to_node * by
                 });
@@ -102,7 +102,7 @@ impl OrientationPath {
         by_coefficients.iter_mut().for_each(|by| *by = own.by_start * *by);
         for stage in (0..STAGES).filter(|stage| !self.is_idle(*stage)) {
             let to_end = own.by_stage[stage];
-            *by_momentum += to_end * self.by_momentum[step * STAGES + stage];
+            *by_momentum += to_end * self.stages.by_momentum[step * STAGES + stage];
             self.add_inputs(step, stage, |coefficient, by| by_coefficients[coefficient] += to_end * by);
         }
     }
@@ -143,7 +143,7 @@ impl OrientationPath {
             let derivative = &self.derivatives[step];
             for stage in (0..STAGES).filter(|stage| !self.is_idle(*stage)) {
                 let weight = derivative.by_stage[stage].tr_mul(adjoint);
-                gradient.by_momentum += self.by_momentum[step * STAGES + stage].tr_mul(&weight);
+                gradient.by_momentum += self.stages.by_momentum[step * STAGES + stage].tr_mul(&weight);
                 self.add_inputs(step, stage, |coefficient, by| {
                     gradient.by_coefficients[coefficient] += by.dot(&weight);
                 });
@@ -183,12 +183,12 @@ impl OrientationPath {
     /// Hands out ∂ω of a stage by each coefficient that acts in it.
     fn add_inputs(&self, step: usize, stage: usize, mut add: impl FnMut(usize, Vector3<f64>)) {
         let (n, n_channels) = (self.motion.basis().n_coefficients(), self.motion.n_channels());
-        let [values, slopes] = &self.basis[step * SAMPLES + SAMPLE_OF[stage]];
+        let [values, slopes] = &self.basis[self.sample(step, stage)];
         let at = (step * STAGES + stage) * n_channels;
         for k in 0..n_channels {
-            let (by_channel, by_rate) = (self.by_channel[at + k], self.by_rate[at + k]);
+            let (by_channel, by_rate) = (self.stages.by_channel[at + k], self.stages.by_rate[at + k]);
             for j in 0..self.motion.basis().n_active() {
-                add(k * n + self.first[step] + j, by_channel * values[j] + by_rate * slopes[j]);
+                add(k * n + self.first(step) + j, by_channel * values[j] + by_rate * slopes[j]);
             }
         }
     }

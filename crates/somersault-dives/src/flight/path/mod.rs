@@ -12,7 +12,7 @@ use somersault_core::lie::so3::normalized_xyzw;
 use somersault_core::spline::MAX_DEGREE;
 use somersault_multibody::counting::Counting;
 use somersault_multibody::flight::step::{SIMPSON, STAGES, StageRate, StepDerivative, turn};
-use somersault_multibody::flight::{Flight, FlightData, FlightError, TakeOff};
+use somersault_multibody::flight::{Flight, FlightDerivatives, FlightError, FlightShapes, TakeOff};
 use somersault_multibody::joint_motion::SplineMotion;
 use somersault_multibody::{DynamicsError, Group, Joint, Model};
 
@@ -30,10 +30,13 @@ pub struct OrientationPath {
     motion: SplineMotion,
     is_planar: bool,
     n_steps: usize,
-    /// First active coefficient of each step.
-    first: Vec<usize>,
-    /// Basis functions and their derivatives at start, middle and end of each step.
-    basis: Vec<[[f64; MAX_DEGREE + 1]; 2]>,
+    /// Steps between two knots.
+    per_interval: usize,
+    /// Basis functions and their derivatives at the samples: start, middle and end of each step, the end of a step being the start of the
+    /// next where there is no knot.
+    basis: Vec<Sample>,
+    /// Joints that each channel moves, and how.
+    moved: Vec<Vec<(usize, f64)>>,
     /// In space.
     orientations: Vec<UnitQuaternion<f64>>,
     /// In the plane, counting whole turns.
@@ -43,11 +46,18 @@ pub struct OrientationPath {
     is_derived: bool,
     restart: Option<Restart>,
     derivatives: Vec<StepDerivative>,
-    /// ∂ω by channels, by their rates and by T L in each stage of each step.
+    stages: Stages,
+    room: Room,
+}
+
+/// What is known of each stage of each step after a run with derivatives.
+#[derive(Debug, Clone)]
+struct Stages {
+    rates: Vec<StageRate>,
+    /// ∂ω by channels, by their rates and by T L.
     by_channel: Vec<Vector3<f64>>,
     by_rate: Vec<Vector3<f64>>,
     by_momentum: Vec<Matrix3<f64>>,
-    room: Room,
 }
 
 /// Where the orientation is straightened.
@@ -62,19 +72,33 @@ struct Restart {
     derivative: Matrix3<f64>,
 }
 
-/// Room for one evaluation.
+/// Room for the steps between two knots.
 #[derive(Debug, Clone)]
 struct Room {
-    data: FlightData,
+    shapes: FlightShapes,
+    /// Positions and velocities of the joints at the samples.
     q: Vec<f64>,
     v: Vec<f64>,
-    channels: [Vec<f64>; 2],
+    channels: Vec<f64>,
+    /// Numbers of the orientations at the samples, at the two stages in which each is evaluated.
+    orientations: [Vec<f64>; 2],
 }
 
-/// Samples of the basis in a step.
-const SAMPLES: usize = 3;
-/// The sample that each stage is at.
+/// Basis functions and their derivatives.
+type Sample = [[f64; MAX_DEGREE + 1]; 2];
+
+/// The sample of a step that each stage is at.
 const SAMPLE_OF: [usize; STAGES] = [0, 1, 1, 2];
+/// Which of the two evaluations of that sample it is: the end of a step is evaluated before the start of the next.
+const EVALUATION_OF: [usize; STAGES] = [1, 0, 1, 0];
+
+/// The step, from that after the last knot, and the stage of which an evaluation of a sample is.
+fn stage_of(evaluation: usize, sample: usize, per_interval: usize) -> Option<[usize; 2]> {
+    let stage = (0..STAGES)
+        .find(|stage| EVALUATION_OF[*stage] == evaluation && SAMPLE_OF[*stage] % 2 == sample % 2)?;
+    let step = sample.checked_sub(SAMPLE_OF[stage])? / 2;
+    (step < per_interval).then_some([step, stage])
+}
 
 impl OrientationPath {
     /// The path of `model` with `n_steps` steps, at least one, rounded up to a multiple of the intervals of the spline.
@@ -91,31 +115,45 @@ impl OrientationPath {
         let n_intervals = motion.basis().n_intervals();
         let per_interval = n_steps.div_ceil(n_intervals).max(1);
         let n_steps = per_interval * n_intervals;
-        let (first, basis) = sample_basis(&motion, per_interval);
         let n_channels = motion.n_channels();
-        let by_channel = vec![Vector3::zeros(); n_steps * STAGES * n_channels];
-        let q = model.neutral();
+        let zero = Vector3::zeros();
+        let by_channel = vec![zero; n_steps * STAGES * n_channels];
+        let n_samples = samples_of_interval(per_interval);
+        let joints = vec![0.0; n_samples * n_joints];
+        let still = if is_planar { &[0.0][..] } else { &[0.0, 0.0, 0.0, 1.0] };
+        let orientations = still.repeat(n_samples);
         let room = Room {
-            data: FlightData::new(&model),
-            v: vec![0.0; model.n_velocities()],
-            channels: [vec![0.0; n_channels], vec![0.0; n_channels]],
-            q,
+            shapes: FlightShapes::default(),
+            q: joints.clone(),
+            v: joints,
+            channels: vec![0.0; n_channels],
+            orientations: [orientations.clone(), orientations],
+        };
+        let moves = |column: nalgebra::DVectorView<f64>| {
+            column.iter().copied().enumerate().filter(|(_, along)| *along != 0.0).collect()
         };
         Ok(Self {
             is_planar,
             n_steps,
-            first,
-            basis,
+            per_interval,
+            basis: sample_basis(&motion, per_interval),
+            moved: motion.base().directions().column_iter().map(moves).collect(),
             orientations: vec![UnitQuaternion::identity(); n_steps + 1],
             angles: vec![0.0; n_steps + 1],
             coefficients: vec![0.0; motion.n_coefficients()],
-            turn_momentum: Vector3::zeros(),
+            turn_momentum: zero,
             is_derived: false,
             restart: None,
             derivatives: vec![StepDerivative::zero(); n_steps],
-            by_rate: by_channel.clone(),
-            by_channel,
-            by_momentum: vec![Matrix3::zeros(); n_steps * STAGES],
+            stages: Stages {
+                rates: vec![
+                    StageRate { angular_velocity: zero, by_orientation: Matrix3::zeros() };
+                    n_steps * STAGES
+                ],
+                by_rate: by_channel.clone(),
+                by_channel,
+                by_momentum: vec![Matrix3::zeros(); n_steps * STAGES],
+            },
             room,
             model,
             motion,
@@ -213,83 +251,85 @@ impl OrientationPath {
         Ok(())
     }
 
-    /// Channels in a step, or their rates, for basis functions or their slopes.
-    fn combine(&self, step: usize, values: &[f64], out: &mut [f64]) {
-        let basis = self.motion.basis();
-        let values = &values[..basis.n_active()];
-        combine(&self.coefficients, basis.n_coefficients(), self.first[step], values, out);
+    /// Number of the sample at a stage.
+    fn sample(&self, step: usize, stage: usize) -> usize {
+        let interval = step / self.per_interval;
+        interval * samples_of_interval(self.per_interval) + 2 * (step % self.per_interval) + SAMPLE_OF[stage]
+    }
+
+    /// First coefficient that acts at a step: the number of its interval between knots.
+    fn first(&self, step: usize) -> usize {
+        step / self.per_interval
     }
 
     fn run(&mut self, take_off: TakeOff, with_derivatives: bool) -> Result<(), FlightError> {
         let flight = Flight::try_new(&self.model, take_off)?;
-        let (n, n_active) = (self.motion.basis().n_coefficients(), self.motion.basis().n_active());
-        let n_channels = self.motion.n_channels();
-        let base = self.motion.base();
-        let n_root = self.model.velocities_of(0).len();
-        let Room { data, q, v, channels: [channel, rate] } = &mut self.room;
-        let q_root = q.len() - base.n_joints();
-        let (by_channel, by_rate) = (&mut self.by_channel, &mut self.by_rate);
-        let (by_momentum, coefficients) = (&mut self.by_momentum, &self.coefficients);
+        let Room { shapes, q, v, channels, orientations } = &mut self.room;
+        let n_samples = samples_of_interval(self.per_interval);
+        let n_joints = q.len() / n_samples;
+        let n_numbers = orientations[0].len() / n_samples;
         let h = 1.0 / self.n_steps as f64;
-        // The shape of the two stages in the middle is one, and that at the end of a step mostly that at the start of the next.
-        let mut shape = None;
-        for step in 0..self.n_steps {
-            let (first, samples) = (self.first[step], &self.basis[step * SAMPLES..][..SAMPLES]);
-            let mut evaluate =
-                |stage: usize, q: &mut [f64], v: &mut [f64]| -> Result<StageRate, DynamicsError> {
-                    let sample @ [values, slopes] = &samples[SAMPLE_OF[stage]];
-                    if shape != Some((first, *sample)) {
-                        combine(coefficients, n, first, &values[..n_active], channel);
-                        combine(coefficients, n, first, &slopes[..n_active], rate);
-                        base.positions_into(channel, &mut q[q_root..]);
-                        base.rates_into(rate, &mut v[n_root..]);
-                        flight.set_shape(data, q, v)?;
-                        if with_derivatives {
-                            flight.set_directions(data);
-                        }
-                        shape = Some((first, *sample));
-                    }
-                    if !with_derivatives {
-                        let angular_velocity = flight.angular_velocity_of_shape(data, q);
-                        return Ok(StageRate { angular_velocity, by_orientation: Matrix3::zeros() });
-                    }
-                    let found = flight.derivatives_of_shape(data, q);
-                    let at = step * STAGES + stage;
-                    by_momentum[at] = found.by_angular_momentum;
-                    for (k, direction) in base.directions().column_iter().enumerate() {
-                        let along = |columns: &[Vector3<f64>]| {
-                            columns.iter().zip(direction.iter()).map(|(c, d)| c * *d).sum::<Vector3<f64>>()
-                        };
-                        by_channel[at * n_channels + k] = along(found.by_shape);
-                        by_rate[at * n_channels + k] = along(found.by_shape_velocity);
-                    }
-                    Ok(StageRate {
-                        angular_velocity: found.angular_velocity,
-                        by_orientation: found.by_orientation,
-                    })
+        for (interval, samples) in self.basis.chunks_exact(n_samples).enumerate() {
+            let rows = q.chunks_exact_mut(n_joints.max(1)).zip(v.chunks_exact_mut(n_joints.max(1)));
+            for (sample, (q, v)) in samples.iter().zip(rows) {
+                write_joints(&self.motion, &self.coefficients, interval, sample, channels, q, v);
+            }
+            flight.set_shapes(shapes, n_samples, q, v, with_derivatives)?;
+            let first = interval * self.per_interval;
+            for step in 0..self.per_interval {
+                let node = first + step;
+                let stages = &mut self.stages.rates[node * STAGES..][..STAGES];
+                let mut evaluate = |stage: usize, orientation: &[f64]| {
+                    let sample = 2 * step + SAMPLE_OF[stage];
+                    let numbers = &mut orientations[EVALUATION_OF[stage]][sample * n_numbers..];
+                    numbers[..n_numbers].copy_from_slice(orientation);
+                    stages[stage] = flight.rate_of_shape(shapes, sample, orientation)?;
+                    Ok::<_, DynamicsError>(stages[stage])
                 };
-            let derivative = &mut self.derivatives[step];
-            if self.is_planar {
-                let mut turned = 0.0;
-                for stage in (0..STAGES).filter(|stage| SIMPSON[*stage] > 0.0) {
-                    q[2] = self.angles[step];
-                    turned += SIMPSON[stage] * evaluate(stage, q, v)?.angular_velocity.z;
+                let derivative = &mut self.derivatives[node];
+                if self.is_planar {
+                    let (mut turned, angle) = (0.0, self.angles[node]);
+                    for stage in (0..STAGES).filter(|stage| SIMPSON[*stage] > 0.0) {
+                        turned += SIMPSON[stage] * evaluate(stage, &[angle])?.angular_velocity.z;
+                    }
+                    self.angles[node + 1] = angle + h * turned;
+                    *derivative = StepDerivative::simpson(h);
+                } else {
+                    let evaluate =
+                        |stage: usize, r: &UnitQuaternion<f64>| evaluate(stage, r.coords.as_slice());
+                    let derivative = with_derivatives.then_some(derivative);
+                    self.orientations[node + 1] = turn(&self.orientations[node], h, evaluate, derivative)?;
+                    if let Some(restart) = self.restart.as_mut().filter(|r| r.node == node + 1) {
+                        restart.pass(&mut self.orientations[node + 1]);
+                    }
                 }
-                self.angles[step + 1] = self.angles[step] + h * turned;
-                *derivative = StepDerivative::simpson(h);
-            } else {
-                let evaluate = |stage: usize, r: &UnitQuaternion<f64>| {
-                    q[3..7].copy_from_slice(r.coords.as_slice());
-                    evaluate(stage, q, v)
+            }
+            if !with_derivatives {
+                continue;
+            }
+            for (evaluation, orientations) in orientations.iter().enumerate() {
+                let mut read = |sample: usize, found: FlightDerivatives<'_>| {
+                    if let Some([step, stage]) = stage_of(evaluation, sample, self.per_interval) {
+                        self.stages.set((first + step) * STAGES + stage, &found, &self.moved);
+                    }
                 };
-                let derivative = with_derivatives.then_some(derivative);
-                self.orientations[step + 1] = turn(&self.orientations[step], h, evaluate, derivative)?;
-                if let Some(restart) = self.restart.as_mut().filter(|r| r.node == step + 1) {
-                    restart.pass(&mut self.orientations[step + 1]);
-                }
+                flight.derivatives_of_shapes(shapes, orientations, &mut read)?;
             }
         }
         Ok(())
+    }
+}
+
+impl Stages {
+    fn set(&mut self, at: usize, found: &FlightDerivatives<'_>, moved: &[Vec<(usize, f64)>]) {
+        self.by_momentum[at] = found.by_angular_momentum;
+        for (k, joints) in moved.iter().enumerate() {
+            let along = |columns: &[Vector3<f64>]| {
+                joints.iter().map(|(joint, d)| columns[*joint] * *d).sum::<Vector3<f64>>()
+            };
+            self.by_channel[at * moved.len() + k] = along(found.by_shape);
+            self.by_rate[at * moved.len() + k] = along(found.by_shape_velocity);
+        }
     }
 }
 
@@ -314,6 +354,28 @@ const AT_REST: TakeOff = TakeOff {
     angular_momentum: Vector3::new(0.0, 0.0, 0.0),
 };
 
+/// Samples between two knots.
+fn samples_of_interval(per_interval: usize) -> usize {
+    2 * per_interval + 1
+}
+
+/// Positions and velocities of the joints at a sample of an interval between knots.
+fn write_joints(
+    motion: &SplineMotion,
+    coefficients: &[f64],
+    interval: usize,
+    [values, slopes]: &Sample,
+    channels: &mut [f64],
+    q: &mut [f64],
+    v: &mut [f64],
+) {
+    let (n, n_active) = (motion.basis().n_coefficients(), motion.basis().n_active());
+    combine(coefficients, n, interval, &values[..n_active], channels);
+    motion.base().positions_into(channels, q);
+    combine(coefficients, n, interval, &slopes[..n_active], channels);
+    motion.base().rates_into(channels, v);
+}
+
 /// Splines of `n` coefficients where their basis functions from `first` on are `values`.
 fn combine(coefficients: &[f64], n: usize, first: usize, values: &[f64], out: &mut [f64]) {
     for (out, row) in out.iter_mut().zip(coefficients.chunks_exact(n)) {
@@ -321,25 +383,22 @@ fn combine(coefficients: &[f64], n: usize, first: usize, values: &[f64], out: &m
     }
 }
 
-/// Basis functions and slopes at the samples of each step, by the coefficients of the step's interval.
-fn sample_basis(motion: &SplineMotion, per_interval: usize) -> (Vec<usize>, Vec<[[f64; MAX_DEGREE + 1]; 2]>) {
+/// Basis functions and slopes at the samples of each interval, by its coefficients.
+fn sample_basis(motion: &SplineMotion, per_interval: usize) -> Vec<Sample> {
     let basis = motion.basis();
-    let n_steps = per_interval * basis.n_intervals();
-    let mut first = Vec::with_capacity(n_steps);
-    let mut samples = Vec::with_capacity(n_steps * SAMPLES);
-    for step in 0..n_steps {
-        let interval = step / per_interval;
-        first.push(interval);
-        for sample in 0..SAMPLES {
-            let fraction = (2 * step + sample) as f64 / (2 * n_steps) as f64;
+    let n_halves = 2 * per_interval * basis.n_intervals();
+    let mut samples = Vec::with_capacity(samples_of_interval(per_interval) * basis.n_intervals());
+    for interval in 0..basis.n_intervals() {
+        for sample in 0..samples_of_interval(per_interval) {
+            let fraction = (2 * per_interval * interval + sample) as f64 / n_halves as f64;
             samples.push([0, 1].map(|derivative| {
                 let mut values = [0.0; MAX_DEGREE + 1];
                 let found = basis.evaluate(fraction, derivative, &mut values);
-                // the end of a step on a knot belongs to the next interval, whose last function is zero there
+                // the last sample is on a knot and belongs to the next interval, whose last function is zero there
                 values.rotate_right(found - interval);
                 values
             }));
         }
     }
-    (first, samples)
+    samples
 }

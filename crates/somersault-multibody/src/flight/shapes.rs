@@ -1,0 +1,308 @@
+//! The reduced motion of a tree in flight in many shapes, several at a time in the lanes of vector instructions.
+//!
+//! What depends on the shape alone is most of the work of an evaluation, and shapes that are given in time do not wait for
+//! orientations: they are set together, the orientation is integrated with what is left of each, and the derivatives
+//! at the orientations that were found are again evaluated together.
+
+use super::tree::{FlightTree, Shape};
+use super::{Flight, FlightDerivatives};
+use crate::error::DynamicsError;
+use crate::flight::step::StageRate;
+use crate::many::Rows;
+use crate::model::Model;
+use nalgebra::{Matrix3, Vector3};
+use somersault_core::argument::expect_length;
+use somersault_core::lanes::{InstructionSet, Kernel, Lanes, Packed, WIDEST};
+use somersault_core::scalar::Lift;
+use std::any::Any;
+
+/// Shapes of one tree and the workspace to evaluate them, made when it is first used and used repeatedly. A clone has no shapes.
+///
+/// ```
+/// use somersault_multibody::flight::{Flight, FlightShapes, TakeOff};
+/// use somersault_multibody::models::DiverPlanar;
+/// use nalgebra::Vector3;
+/// let model = DiverPlanar::default().model()?;
+/// let zero = Vector3::zeros();
+/// let take_off =
+///     TakeOff { time: 0.0, center_of_mass: zero, velocity: zero, angular_momentum: Vector3::new(0.0, 60.0, 0.0) };
+/// let flight = Flight::try_new(&model, take_off)?;
+/// let mut shapes = FlightShapes::default();
+/// let (q, v) = (vec![0.1; 2 * 9], vec![0.0; 2 * 9]);       // two shapes of nine joints
+/// flight.set_shapes(&mut shapes, 2, &q, &v, true)?;
+/// let rate = flight.rate_of_shape(&shapes, 1, &[0.5])?;    // the second, with the root at 0.5 rad
+/// flight.derivatives_of_shapes(&mut shapes, &[0.5, 0.5], &mut |_, derivatives| {
+///     assert_eq!(derivatives.angular_velocity, rate.angular_velocity);
+/// })?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct FlightShapes {
+    instructions: InstructionSet,
+    /// The [`Room`] of the lanes of these instructions.
+    room: Option<Box<dyn Any + Send + Sync>>,
+    shapes: Vec<Shape<f64>>,
+    has_directions: bool,
+}
+
+impl Default for FlightShapes {
+    /// With the widest vector instructions of this processor.
+    fn default() -> Self {
+        Self::with_instructions(InstructionSet::detect())
+    }
+}
+
+impl Clone for FlightShapes {
+    fn clone(&self) -> Self {
+        Self::with_instructions(self.instructions)
+    }
+}
+
+impl FlightShapes {
+    /// With chosen vector instructions, which change the duration and not the results.
+    pub fn with_instructions(instructions: InstructionSet) -> Self {
+        Self { instructions, room: None, shapes: Vec::new(), has_directions: false }
+    }
+}
+
+/// What the shapes in all lanes are evaluated with.
+#[derive(Debug)]
+struct Room<L: Lanes> {
+    /// As many shapes each as there are lanes.
+    groups: Vec<FlightTree<Packed<L>>>,
+    q: Vec<Packed<L>>,
+    v: Vec<Packed<L>>,
+    /// Numbers on their way into lanes or out of them, those of the lanes side by side.
+    numbers: Vec<f64>,
+    /// Derivatives of one shape.
+    alone: [Vec<Vector3<f64>>; 2],
+}
+
+impl<L: Lanes> Room<L> {
+    fn new(lanes: L, model: &Model) -> Self {
+        let (n_q, n) = (model.n_positions(), model.n_velocities());
+        let n_shape = n - model.velocities_of(0).len();
+        let zero = Packed::lift(lanes, 0.0);
+        let vectors = vec![Vector3::zeros(); n_shape];
+        Self {
+            groups: Vec::new(),
+            q: vec![zero; n_q],
+            v: vec![zero; n],
+            numbers: vec![0.0; (6 * n_shape + 18).max(n_q).max(n) * WIDEST],
+            alone: [vectors.clone(), vectors],
+        }
+    }
+
+    fn is_for(&self, model: &Model) -> bool {
+        self.q.len() == model.n_positions()
+            && self.v.len() == model.n_velocities()
+            && self.groups.first().is_none_or(|group| group.is_for(model))
+    }
+}
+
+/// Numbers of lanes in memory, those of the lanes side by side.
+#[inline(always)]
+fn store<'x, L: Lanes>(from: impl Iterator<Item = &'x Packed<L>>, numbers: &mut [f64]) {
+    for (x, to) in from.zip(numbers.chunks_exact_mut(L::WIDTH)) {
+        x.store(to);
+    }
+}
+
+/// The vector of one lane, number `k` of those in memory.
+#[inline(always)]
+fn vector<L: Lanes>(numbers: &[f64], k: usize, lane: usize) -> Vector3<f64> {
+    let at = |c: usize| numbers[(3 * k + c) * L::WIDTH + lane];
+    Vector3::new(at(0), at(1), at(2))
+}
+
+/// The matrix of one lane whose columns begin with vector `k`.
+#[inline(always)]
+fn matrix<L: Lanes>(numbers: &[f64], k: usize, lane: usize) -> Matrix3<f64> {
+    Matrix3::from_columns(&[0, 1, 2].map(|c| vector::<L>(numbers, k + c, lane)))
+}
+
+struct SetShapes<'a, 'm> {
+    flight: &'a Flight<'m>,
+    room: &'a mut Option<Box<dyn Any + Send + Sync>>,
+    count: usize,
+    q: Rows<'a>,
+    v: Rows<'a>,
+    with_directions: bool,
+    shapes: &'a mut Vec<Shape<f64>>,
+}
+
+impl Kernel for SetShapes<'_, '_> {
+    /// Whether all trees have inertia about all axes.
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) -> bool {
+        let Self { flight, room, count, q, v, with_directions, shapes } = self;
+        let model = flight.model;
+        let fits = |room: &Box<dyn Any + Send + Sync>| {
+            room.downcast_ref::<Room<L>>().is_some_and(|room| room.is_for(model))
+        };
+        if !room.as_ref().is_some_and(fits) {
+            *room = Some(Box::new(Room::new(lanes, model)));
+        }
+        let Some(room) = room.as_mut().and_then(|room| room.downcast_mut::<Room<L>>()) else { return false };
+        while room.groups.len() * L::WIDTH < count {
+            room.groups.push(FlightTree::new(lanes, model));
+        }
+        let (root_q, root_v) = (flight.orientation().end, flight.n_root());
+        shapes.clear();
+        for (group, first) in room.groups.iter_mut().zip((0..count).step_by(L::WIDTH)) {
+            let states = first..count.min(first + L::WIDTH);
+            for (rows, to) in [(q, &mut room.q[root_q..]), (v, &mut room.v[root_v..])] {
+                rows.interleave::<L>(states.clone(), &mut room.numbers);
+                for (to, numbers) in to.iter_mut().zip(room.numbers.chunks_exact(L::WIDTH)) {
+                    *to = Packed::load(lanes, numbers);
+                }
+            }
+            if flight.set_shape_in(lanes, group, &room.q, &room.v).is_none() {
+                return false;
+            }
+            if with_directions {
+                flight.set_directions_in(lanes, group);
+            }
+            let Shape { center, inverse_inertia, angular, linear } = &group.shape;
+            let numbers =
+                center.iter().chain(inverse_inertia.iter()).chain(angular.iter()).chain(linear.iter());
+            store(numbers, &mut room.numbers);
+            for lane in 0..states.len() {
+                let numbers = &room.numbers;
+                shapes.push(Shape {
+                    center: vector::<L>(numbers, 0, lane),
+                    inverse_inertia: matrix::<L>(numbers, 1, lane),
+                    angular: vector::<L>(numbers, 4, lane),
+                    linear: vector::<L>(numbers, 5, lane),
+                });
+            }
+        }
+        true
+    }
+}
+
+struct Derive<'a, 'm> {
+    flight: &'a Flight<'m>,
+    room: &'a mut (dyn Any + Send + Sync),
+    count: usize,
+    orientations: Rows<'a>,
+    read: &'a mut dyn FnMut(usize, FlightDerivatives<'_>),
+}
+
+impl Kernel for Derive<'_, '_> {
+    /// Whether the shapes were set for this tree.
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<L: Lanes>(self, lanes: L) -> bool {
+        let Self { flight, room, count, orientations, read } = self;
+        let Some(Room { groups, numbers, alone, .. }) =
+            room.downcast_mut::<Room<L>>().filter(|room| room.is_for(flight.model))
+        else {
+            return false;
+        };
+        let mut orientation = [Packed::lift(lanes, 0.0); 4];
+        let [by_shape, by_shape_velocity] = alone;
+        let n = by_shape.len();
+        for (group, first) in groups.iter_mut().zip((0..count).step_by(L::WIDTH)) {
+            let states = first..count.min(first + L::WIDTH);
+            orientations.interleave::<L>(states.clone(), numbers);
+            for (to, numbers) in
+                orientation.iter_mut().zip(numbers.chunks_exact(L::WIDTH)).take(flight.orientation().len())
+            {
+                *to = Packed::load(lanes, numbers);
+            }
+            let reduced = flight.reduce_in(lanes, &group.shape, &orientation);
+            let (of_orientation, of_momentum) =
+                (group.shape.by_orientation(&reduced), group.shape.by_angular_momentum(&reduced));
+            let omega = &reduced.velocity.angular;
+            store(omega.iter().chain(of_orientation.iter()).chain(of_momentum.iter()), numbers);
+            let [of_shape, of_velocity] = flight.derive_in(lanes, group, &reduced);
+            let (front, rest) = numbers.split_at_mut(21 * L::WIDTH);
+            store(of_shape.iter().flat_map(|vector| vector.iter()), rest);
+            store(of_velocity.iter().flat_map(|vector| vector.iter()), &mut rest[3 * n * L::WIDTH..]);
+            for lane in 0..states.len() {
+                for (k, (a, b)) in by_shape.iter_mut().zip(by_shape_velocity.iter_mut()).enumerate() {
+                    *a = vector::<L>(rest, k, lane);
+                    *b = vector::<L>(rest, n + k, lane);
+                }
+                let found = FlightDerivatives {
+                    angular_velocity: vector::<L>(front, 0, lane),
+                    by_shape,
+                    by_shape_velocity,
+                    by_orientation: matrix::<L>(front, 1, lane),
+                    by_angular_momentum: matrix::<L>(front, 4, lane),
+                };
+                read(first + lane, found);
+            }
+        }
+        true
+    }
+}
+
+impl Flight<'_> {
+    /// Sets `count` shapes: rows of positions and of velocities of all joints but the root's, as they are in q and v. Cost O(n) for
+    /// each, in vector instructions for as many at a time as they have lanes; with `with_directions` also what derivatives have in common.
+    ///
+    /// All results are those of single shapes to the last bit, whichever instructions the processor has.
+    ///
+    /// Errors: lengths that do not fit; a tree without inertia about some axis in one of the shapes. Then no shape is set.
+    pub fn set_shapes(
+        &self,
+        shapes: &mut FlightShapes,
+        count: usize,
+        q: &[f64],
+        v: &[f64],
+        with_directions: bool,
+    ) -> Result<(), DynamicsError> {
+        let (n_q, n) =
+            (self.model.n_positions() - self.orientation().end, self.model.n_velocities() - self.n_root());
+        let FlightShapes { instructions, room, shapes, has_directions } = shapes;
+        shapes.clear();
+        let (q, v) = (Rows::of_each("q", q, n_q, count)?, Rows::of_each("v", v, n, count)?);
+        *has_directions = with_directions;
+        let set = SetShapes { flight: self, room, count, q, v, with_directions, shapes };
+        if instructions.run(set) {
+            return Ok(());
+        }
+        shapes.clear();
+        Err(self.singular())
+    }
+
+    /// ω and ∂ω/∂θ in shape `k` of those that were [set](Self::set_shapes) last, with the root at an `orientation`: a quaternion x, y, z, w
+    /// or an angle, as in q.
+    pub fn rate_of_shape(
+        &self,
+        shapes: &FlightShapes,
+        k: usize,
+        orientation: &[f64],
+    ) -> Result<StageRate, DynamicsError> {
+        expect_length("orientation", orientation.len(), self.orientation().len())?;
+        let shape = shapes.shapes.get(k).ok_or(DynamicsError::ForeignData)?;
+        let reduced = self.reduce_in((), shape, orientation);
+        Ok(StageRate {
+            angular_velocity: reduced.velocity.angular,
+            by_orientation: shape.by_orientation(&reduced),
+        })
+    }
+
+    /// Hands out the derivatives in each shape of those that were [set](Self::set_shapes) last with directions, at orientations of the root
+    /// of which there is a row for each.
+    ///
+    /// Errors: lengths that do not fit; shapes that were set without directions.
+    pub fn derivatives_of_shapes(
+        &self,
+        shapes: &mut FlightShapes,
+        orientations: &[f64],
+        read: &mut dyn FnMut(usize, FlightDerivatives<'_>),
+    ) -> Result<(), DynamicsError> {
+        let FlightShapes { instructions, room, shapes, has_directions } = shapes;
+        let count = shapes.len();
+        let orientations = Rows::of_each("orientations", orientations, self.orientation().len(), count)?;
+        let room = room.as_mut().filter(|_| *has_directions).ok_or(DynamicsError::ForeignData)?.as_mut();
+        let derive = Derive { flight: self, room, count, orientations, read };
+        if instructions.run(derive) { Ok(()) } else { Err(DynamicsError::ForeignData) }
+    }
+}
