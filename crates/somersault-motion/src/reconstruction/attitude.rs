@@ -1,7 +1,7 @@
 //! The orientation of the root at all frames, from that at one of them, and its derivatives by all unknowns.
 //!
 //! Ṙ = R ω̂ with ω = I(q)⁻¹ (Rᵀ L − A(q) q̇) is integrated from the reference frame outwards, forwards and backwards, in the steps
-//! of [`somersault_multibody::flight::step`], whose derivatives are exact.
+//! of [`somersault_multibody::flight::step`], whose derivatives are exact. The shapes between two frames are set together.
 
 use super::ReconstructionError;
 use super::departure;
@@ -9,12 +9,14 @@ use super::joints::{ACTIVE, Channels, JointSplines};
 use super::unknowns::{Estimate, Layout};
 use nalgebra::{Matrix3, Matrix3xX, UnitQuaternion, Vector3};
 use somersault_core::lie::so3;
-use somersault_multibody::flight::step::{NODES, STAGES, StageRate, StepDerivative, turn};
-use somersault_multibody::flight::{Flight, FlightData, TakeOff};
+use somersault_multibody::flight::step::{NODES, SHAPE_OF, STAGES, StepDerivative};
+use somersault_multibody::flight::{Flight, FlightData, FlightDerivatives, FlightShapes, TakeOff};
 use somersault_multibody::{DynamicsError, Model};
 
 /// The longest step, s: 0.08 rad at 15 rad/s.
 const LONGEST_STEP: f64 = 0.0051;
+/// Steps whose shapes are set together.
+const TOGETHER: usize = 16;
 
 /// The orientation of the root at a frame.
 #[derive(Debug, Clone)]
@@ -35,31 +37,56 @@ pub(super) struct Rate {
     pub(super) by_channel_rate: Vec<Vector3<f64>>,
 }
 
+impl Rate {
+    fn new(n_channels: usize) -> Self {
+        let none = vec![Vector3::zeros(); n_channels];
+        Self {
+            angular_velocity: Vector3::zeros(),
+            by_orientation: Matrix3::zeros(),
+            by_momentum: Matrix3::zeros(),
+            by_channel: none.clone(),
+            by_channel_rate: none,
+        }
+    }
+
+    /// Takes what was found with the channels as `at`.
+    fn set(&mut self, splines: &JointSplines, at: &Channels, found: &FlightDerivatives<'_>) {
+        self.angular_velocity = found.angular_velocity;
+        self.by_orientation = found.by_orientation;
+        self.by_momentum = found.by_angular_momentum;
+        self.by_channel.copy_from_slice(found.by_shape);
+        self.by_channel_rate.copy_from_slice(found.by_shape_velocity);
+        splines.by_channels(at, &mut self.by_channel, &mut self.by_channel_rate);
+    }
+}
+
 /// Room for the evaluations of a model.
 pub(super) struct Room {
     data: FlightData,
     pub(super) q: Vec<f64>,
     pub(super) v: Vec<f64>,
     pub(super) channels: Channels,
+    /// Between two frames: shapes, their channels, positions and velocities of the joints.
+    shapes: FlightShapes,
+    of_shapes: Vec<Channels>,
+    joints: [Vec<f64>; 2],
+    derivatives: Vec<StepDerivative>,
+    /// Of each stage.
     rates: Vec<Rate>,
 }
 
 impl Room {
     pub(super) fn new(model: &Model, splines: &JointSplines) -> Self {
-        let none = vec![Vector3::zeros(); splines.n_channels()];
-        let rate = Rate {
-            angular_velocity: Vector3::zeros(),
-            by_orientation: Matrix3::zeros(),
-            by_momentum: Matrix3::zeros(),
-            by_channel: none.clone(),
-            by_channel_rate: none,
-        };
         Self {
             data: FlightData::new(model),
             q: model.neutral(),
             v: vec![0.0; model.n_velocities()],
             channels: splines.channels(),
-            rates: vec![rate; STAGES],
+            shapes: FlightShapes::default(),
+            of_shapes: Vec::new(),
+            joints: [Vec::new(), Vec::new()],
+            derivatives: Vec::new(),
+            rates: Vec::new(),
         }
     }
 }
@@ -112,35 +139,20 @@ impl Flown<'_> {
         write_orientation(self.layout.is_planar, orientation, q);
     }
 
-    /// ω with its derivatives at `t`, kept as stage `i`.
-    pub(super) fn rate<'r>(
+    /// ω with its derivatives at `t`.
+    pub(super) fn rate(
         &self,
         flight: &Flight<'_>,
         estimate: &Estimate,
         t: f64,
         orientation: &UnitQuaternion<f64>,
-        room: &'r mut Room,
-        i: usize,
-    ) -> Result<&'r Rate, DynamicsError> {
+        room: &mut Room,
+    ) -> Result<Rate, DynamicsError> {
         self.pose(estimate, t, orientation, room);
-        let Room { data, q, v, .. } = &mut *room;
-        flight.set_shape(data, q, v)?;
-        flight.set_directions(data);
-        Ok(self.rate_of_shape(flight, room, i))
-    }
-
-    /// The same of the shape that was set last, in the orientation that the configuration has.
-    fn rate_of_shape<'r>(&self, flight: &Flight<'_>, room: &'r mut Room, i: usize) -> &'r Rate {
-        let Room { data, q, channels, rates, .. } = room;
-        let found = flight.derivatives_of_shape(data, q);
-        let rate = &mut rates[i];
-        rate.angular_velocity = found.angular_velocity;
-        rate.by_orientation = found.by_orientation;
-        rate.by_momentum = found.by_angular_momentum;
-        rate.by_channel.copy_from_slice(found.by_shape);
-        rate.by_channel_rate.copy_from_slice(found.by_shape_velocity);
-        self.splines.by_channels(channels, &mut rate.by_channel, &mut rate.by_channel_rate);
-        rate
+        let Room { data, q, v, channels, .. } = room;
+        let mut rate = Rate::new(self.splines.n_channels());
+        rate.set(self.splines, channels, &flight.derivatives(data, q, v)?);
+        Ok(rate)
     }
 
     /// The orientations at `times`, of which number `reference` has that of the estimate, and their derivatives where they are wanted, by the
@@ -171,8 +183,10 @@ impl Flown<'_> {
                 let (from, to) = (times[i], times[next]);
                 let n_steps = ((to - from).abs() / LONGEST_STEP).ceil().max(1.0) as usize;
                 let h = (to - from) / n_steps as f64;
-                for step in 0..n_steps {
-                    self.step(&flight, estimate, from + h * step as f64, h, &mut current, knots, room)?;
+                for first in (0..n_steps).step_by(TOGETHER) {
+                    let steps = TOGETHER.min(n_steps - first);
+                    let start = from + h * first as f64;
+                    self.turn(&flight, estimate, start, h, steps, &mut current, knots, room)?;
                 }
                 attitudes[next] = current.clone();
                 i = next;
@@ -181,47 +195,63 @@ impl Flown<'_> {
         Ok(attitudes)
     }
 
-    /// One step from `t`.
-    fn step(
+    /// Some steps from `from`.
+    fn turn(
         &self,
         flight: &Flight<'_>,
         estimate: &Estimate,
-        t: f64,
+        from: f64,
         h: f64,
+        n_steps: usize,
         current: &mut Attitude,
         knots: Option<&std::ops::Range<usize>>,
         room: &mut Room,
     ) -> Result<(), ReconstructionError> {
-        let mut derivative = StepDerivative::zero();
-        let stage = |i: usize, orientation: &UnitQuaternion<f64>| {
-            // The two stages in the middle have one shape.
-            if i > 0 && NODES[i] == NODES[i - 1] {
-                write_orientation(self.layout.is_planar, orientation, &mut room.q);
-            } else {
-                self.pose(estimate, t + h * NODES[i], orientation, room);
-                flight.set_shape(&mut room.data, &room.q, &room.v)?;
-                if knots.is_some() {
-                    flight.set_directions(&mut room.data);
-                }
-            }
-            if knots.is_none() {
-                let angular_velocity = flight.angular_velocity_of_shape(&room.data, &room.q);
-                return Ok::<_, DynamicsError>(StageRate {
-                    angular_velocity,
-                    by_orientation: Matrix3::zeros(),
-                });
-            }
-            let Rate { angular_velocity, by_orientation, .. } = *self.rate_of_shape(flight, room, i);
-            Ok(StageRate { angular_velocity, by_orientation })
-        };
-        current.orientation =
-            turn(&current.orientation, h, stage, knots.is_some().then_some(&mut derivative))?;
+        let n_shapes = 2 * n_steps + 1;
+        let Room { shapes, of_shapes, joints: [q, v], derivatives, rates, .. } = room;
+        let n_q = self.model.n_positions() - self.model.positions_of(0).len();
+        let n_v = self.model.n_velocities() - self.model.velocities_of(0).len();
+        of_shapes.resize_with(n_shapes.max(of_shapes.len()), || self.splines.channels());
+        q.resize(n_shapes * n_q, 0.0);
+        v.resize(n_shapes * n_v, 0.0);
+        let at = |shape: usize| from + h * (0.5 * shape as f64);
+        for (shape, channels) in of_shapes[..n_shapes].iter_mut().enumerate() {
+            let (q, v) = (&mut q[shape * n_q..][..n_q], &mut v[shape * n_v..][..n_v]);
+            self.splines.evaluate(&estimate.coefficients, at(shape), channels, q, v);
+        }
+        flight.set_shapes(shapes, n_shapes, q, v, knots.is_some())?;
+        derivatives.resize(n_steps, StepDerivative::zero());
+        for (step, derivative) in derivatives.iter_mut().enumerate() {
+            let derivative = knots.is_some().then_some(derivative);
+            current.orientation = flight.turn_step(shapes, step, &current.orientation, h, derivative)?;
+        }
         let (Some(knots), Some(by)) = (knots, &mut current.by_unknowns) else { return Ok(()) };
+        rates.resize_with((n_steps * STAGES).max(rates.len()), || Rate::new(self.splines.n_channels()));
+        flight.derivatives_of_steps(shapes, |[step, stage], found| {
+            let channels = &of_shapes[2 * step + SHAPE_OF[stage]];
+            rates[step * STAGES + stage].set(self.splines, channels, &found);
+        })?;
+        for (step, (derivative, rates)) in derivatives.iter().zip(rates.chunks_exact(STAGES)).enumerate() {
+            self.carry(from + h * step as f64, h, derivative, rates, knots, by);
+        }
+        Ok(())
+    }
+
+    /// Derivatives by the unknowns over one step from `t`.
+    fn carry(
+        &self,
+        t: f64,
+        h: f64,
+        derivative: &StepDerivative,
+        rates: &[Rate],
+        knots: &std::ops::Range<usize>,
+        by: &mut Matrix3xX<f64>,
+    ) {
         for mut column in by.column_iter_mut() {
             let moved = derivative.by_start * &column;
             column.copy_from(&moved);
         }
-        for (i, (by_stage, rate)) in derivative.by_stage.iter().zip(&room.rates).enumerate() {
+        for (i, (by_stage, rate)) in derivative.by_stage.iter().zip(rates).enumerate() {
             let at = t + h * NODES[i];
             for (k, turn) in self.layout.momentum().zip(&self.layout.turns) {
                 let mut column = by.column_mut(k);
@@ -236,7 +266,6 @@ impl Flown<'_> {
             }
             self.add_channels(by, by_stage, rate, at, knots);
         }
-        Ok(())
     }
 
     /// Adds `factor` times the derivatives of ω at `t` by the coefficients to those of `by`.

@@ -9,7 +9,7 @@ use crate::fit::MarkerSet;
 use crate::noise::{MarkerNoise, Whitening, whitening};
 use faer::linalg::matmul::triangular::{BlockStructure, matmul};
 use faer::{Accum, Mat, MatRef, Par};
-use nalgebra::{DMatrix, Matrix3, Vector3};
+use nalgebra::{DMatrix, Matrix3, MatrixXx3, Vector3};
 use rayon::prelude::*;
 use somersault_core::lie::so3::hat;
 use somersault_multibody::{Axes, Data, Model, Transform};
@@ -40,6 +40,8 @@ pub(super) struct Placed {
     axes: Vec<Matrix3<f64>>,
     /// Derivatives of the arms by the channels, marker by marker; empty if they were not requested.
     by_channel: Vec<Vector3<f64>>,
+    /// The displacement of the root by the unknowns, component by component, if it was requested.
+    by_unknowns: Option<MatrixXx3<f64>>,
 }
 
 /// The flight at an estimate over a window.
@@ -142,7 +144,9 @@ impl Flown<'_> {
                 self.splines.by_displacements(&room.channels, &mut by_channel[first..]);
             }
         }
-        Ok(Placed { turn: turn_of(self.model, &attitude.orientation), center, arms, axes, by_channel })
+        let by_unknowns = attitude.by_unknowns.as_ref().map(|by| by.transpose());
+        let turn = turn_of(self.model, &attitude.orientation);
+        Ok(Placed { turn, center, arms, axes, by_channel, by_unknowns })
     }
 
     /// The centre of mass at `t`, where `reference` is the time that the unknowns belong to.
@@ -172,7 +176,7 @@ impl Flown<'_> {
     }
 
     /// Squares of the residuals of `frames` under `noise`, and their derivatives by the unknowns with the coefficients of `knots` where
-    /// `attitudes` and `placed` have theirs.
+    /// the flight has its own.
     pub(super) fn normal(
         &self,
         markers: &MarkerSet,
@@ -180,7 +184,7 @@ impl Flown<'_> {
         estimate: &Estimate,
         frames: &Range<usize>,
         knots: Option<&Range<usize>>,
-        Linearized { attitudes, placed }: &Linearized,
+        Linearized { placed, .. }: &Linearized,
         trust: &Trust,
         noise: &MarkerNoise,
     ) -> Normal {
@@ -220,14 +224,23 @@ impl Flown<'_> {
                     let mut rows: Mat<f64> = Mat::zeros(head + columns.len(), chunk.len() * d);
                     for j in chunk.clone() {
                         let (i, step) = (seen[j], &steps[j]);
-                        let at = (&attitudes[i], &placed[i]);
                         for (axis, mean) in means.iter_mut().enumerate() {
                             let mut out = rows.col_mut((j - first) * d + axis);
                             let Some(out) = out.as_mut().try_as_col_major_mut().map(|c| c.as_slice_mut())
                             else {
                                 continue;
                             };
-                            self.row(observed, estimate, frames.start + i, k, axis, at, knots, &range, out);
+                            self.row(
+                                observed,
+                                estimate,
+                                frames.start + i,
+                                k,
+                                axis,
+                                &placed[i],
+                                knots,
+                                &range,
+                                out,
+                            );
                             step.whiten(weight, &mut mean[..head], &mut out[..head]);
                             step.whiten(weight, &mut mean[columns.clone()], &mut out[head..]);
                         }
@@ -275,7 +288,7 @@ impl Flown<'_> {
         i: usize,
         marker: usize,
         axis: usize,
-        (attitude, placed): (&Attitude, &Placed),
+        placed: &Placed,
         knots: &Range<usize>,
         range: &Range<usize>,
         out: &mut [f64],
@@ -287,12 +300,13 @@ impl Flown<'_> {
         let (head, n) = (layout.coefficients(), layout.n_channels);
         // −s hat(arm) R by displacements in axes of the root
         let by_turn = placed.turn.tr_mul(&(hat(&arm) * along)) * estimate.scale;
-        if let Some(by) = &attitude.by_unknowns {
-            let [x, y, z] = [by_turn.x, by_turn.y, by_turn.z];
-            let columns = by.as_slice().chunks_exact(3);
-            let of_coefficients = columns.clone().skip(head + range.start * n);
-            for (out, column) in out.iter_mut().zip(columns.take(head).chain(of_coefficients)) {
-                *out = x * column[0] + y * column[1] + z * column[2];
+        if let Some(by) = &placed.by_unknowns {
+            let (of_head, of_knots) = out.split_at_mut(head);
+            for (out, first) in [(of_head, 0), (of_knots, head + range.start * n)] {
+                let [x, y, z] = [0, 1, 2].map(|c| &by.as_slice()[c * by.nrows() + first..][..out.len()]);
+                for (out, ((x, y), z)) in out.iter_mut().zip(x.iter().zip(y).zip(z)) {
+                    *out = by_turn.x * x + by_turn.y * y + by_turn.z * z;
+                }
             }
         }
         out[layout.center().start + axis] += 1.0;

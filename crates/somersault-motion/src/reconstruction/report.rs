@@ -50,7 +50,7 @@ impl Report<'_> {
             let n = covariance.nrows();
             let by_attitude = attitude.by_unknowns.as_ref().map_or_else(|| Matrix3xX::zeros(n), Clone::clone);
             // angular velocity, in axes of the root and then of the world
-            let rate = flown.rate(&flight, estimate, t, &attitude.orientation, room, 0)?.clone();
+            let rate = flown.rate(&flight, estimate, t, &attitude.orientation, room)?;
             let mut by_rate = rate.by_orientation * &by_attitude;
             for (k, turn) in layout.momentum().zip(&layout.turns) {
                 let mut column = by_rate.column_mut(k);

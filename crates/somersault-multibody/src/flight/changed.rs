@@ -322,7 +322,8 @@ impl<'m> KnownFlight<'m> {
         let flight = Flight::try_new(model, take_off)?;
         let [start, end] = self.curves.interval();
         let changed = Changed { known: self, change: *change, pace: (end - start) / duration };
-        let (root_q, root_v) = (flight.orientation().end, flight.n_root());
+        let (at, root_v) = (flight.orientation(), flight.n_root());
+        let root_q = at.end;
         let n = self.curves.n;
         let none = || [vec![0.0; n], vec![0.0; n]];
         let mut by = [none(), none()];
@@ -349,7 +350,7 @@ impl<'m> KnownFlight<'m> {
                 let mut by_stage = [[Vector3::zeros(); N_CHANGES]; super::step::STAGES];
                 let stage = |i: usize, orientation: &UnitQuaternion<f64>| {
                     changed.evaluate(t + h * NODES[i], &mut q[root_q..], &mut v[root_v..], &mut by);
-                    flight.write_orientation(orientation, &mut q);
+                    flight.write_orientation(orientation, &mut q[at.clone()]);
                     let rate = flight.derivatives(&mut data, &q, &v)?;
                     for (out, [of_s, of_v]) in by_stage[i].iter_mut().zip(&by) {
                         let columns =
@@ -371,7 +372,7 @@ impl<'m> KnownFlight<'m> {
                 }
             }
             changed.evaluate(to, &mut q[root_q..], &mut v[root_v..], &mut by);
-            flight.write_orientation(&current, &mut q);
+            flight.write_orientation(&current, &mut q[at.clone()]);
             flight.complete(&mut data, to, &mut q, &mut v)?;
             found.positions.extend_from_slice(&q);
             found.velocities.extend_from_slice(&v);

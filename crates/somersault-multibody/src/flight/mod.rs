@@ -262,12 +262,12 @@ impl<'m, T: Scalar> Flight<'m, T> {
         self.reduce_in((), &data.0.shape, &q[self.orientation()])
     }
 
-    /// Writes an orientation of the root in its joint frame into a configuration; of a planar one the angle within a turn.
-    fn write_orientation(&self, orientation: &UnitQuaternion<T>, q: &mut [T]) {
+    /// Writes the numbers of an orientation of the root in its joint frame; of a planar one the angle within a turn.
+    fn write_orientation(&self, orientation: &UnitQuaternion<T>, numbers: &mut [T]) {
         if self.is_planar {
-            q[2] = orientation.k.atan2(orientation.w) * constant(2.0);
+            numbers[0] = orientation.k.atan2(orientation.w) * constant(2.0);
         } else {
-            q[3..7].copy_from_slice(orientation.coords.as_slice());
+            numbers.copy_from_slice(orientation.coords.as_slice());
         }
     }
 }

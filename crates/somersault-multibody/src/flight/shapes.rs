@@ -7,10 +7,10 @@
 use super::tree::{FlightTree, Shape};
 use super::{Flight, FlightDerivatives};
 use crate::error::DynamicsError;
-use crate::flight::step::StageRate;
+use crate::flight::step::{SHAPE_OF, STAGES, StageRate, StepDerivative, turn};
 use crate::many::Rows;
 use crate::model::Model;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use somersault_core::argument::expect_length;
 use somersault_core::lanes::{InstructionSet, Kernel, Lanes, Packed, WIDEST};
 use somersault_core::scalar::Lift;
@@ -43,6 +43,19 @@ pub struct FlightShapes {
     room: Option<Box<dyn Any + Send + Sync>>,
     shapes: Vec<Shape<f64>>,
     has_directions: bool,
+    /// Numbers of the orientations that steps through the shapes had, at the two stages of each shape.
+    orientations: [Vec<f64>; 2],
+}
+
+/// Which of the two stages of a shape a stage of a step is: that at the end of a step comes before that at the start of the next.
+const TURN_OF: [usize; STAGES] = [1, 0, 1, 0];
+
+/// The step and the stage that have a shape, at the first or second of its stages; nothing where that would be before the first step or after
+/// the last.
+fn stage_of(shape: usize, turn: usize, n_steps: usize) -> Option<[usize; 2]> {
+    let stage = (0..STAGES).find(|stage| TURN_OF[*stage] == turn && SHAPE_OF[*stage] % 2 == shape % 2)?;
+    let step = shape.checked_sub(SHAPE_OF[stage])? / 2;
+    (step < n_steps).then_some([step, stage])
 }
 
 impl Default for FlightShapes {
@@ -61,7 +74,8 @@ impl Clone for FlightShapes {
 impl FlightShapes {
     /// With chosen vector instructions, which change the duration and not the results.
     pub fn with_instructions(instructions: InstructionSet) -> Self {
-        Self { instructions, room: None, shapes: Vec::new(), has_directions: false }
+        let orientations = [Vec::new(), Vec::new()];
+        Self { instructions, room: None, shapes: Vec::new(), has_directions: false, orientations }
     }
 }
 
@@ -259,8 +273,13 @@ impl Flight<'_> {
     ) -> Result<(), DynamicsError> {
         let (n_q, n) =
             (self.model.n_positions() - self.orientation().end, self.model.n_velocities() - self.n_root());
-        let FlightShapes { instructions, room, shapes, has_directions } = shapes;
+        let FlightShapes { instructions, room, shapes, has_directions, orientations } = shapes;
         shapes.clear();
+        let still: &[f64] = if self.is_planar { &[0.0] } else { &[0.0, 0.0, 0.0, 1.0] };
+        for orientations in orientations {
+            orientations.clear();
+            orientations.extend(still.iter().cycle().take(still.len().saturating_mul(count)));
+        }
         let (q, v) = (Rows::of_each("q", q, n_q, count)?, Rows::of_each("v", v, n, count)?);
         *has_directions = with_directions;
         let set = SetShapes { flight: self, room, count, q, v, with_directions, shapes };
@@ -281,11 +300,64 @@ impl Flight<'_> {
     ) -> Result<StageRate, DynamicsError> {
         expect_length("orientation", orientation.len(), self.orientation().len())?;
         let shape = shapes.shapes.get(k).ok_or(DynamicsError::ForeignData)?;
+        Ok(self.rate(shape, orientation))
+    }
+
+    /// The orientation after step number `step` of length `h`, from `start`, where the shapes that were [set](Self::set_shapes) last are those at
+    /// starts, middles and ends of steps one after the other: 2 n + 1 for n steps. Derivatives are made where there is room for them, and those of
+    /// ω are then handed out by [`derivatives_of_steps`](Self::derivatives_of_steps).
+    ///
+    /// Errors: a step beyond the shapes.
+    pub fn turn_step(
+        &self,
+        shapes: &mut FlightShapes,
+        step: usize,
+        start: &UnitQuaternion<f64>,
+        h: f64,
+        derivative: Option<&mut StepDerivative>,
+    ) -> Result<UnitQuaternion<f64>, DynamicsError> {
+        let FlightShapes { shapes, orientations, .. } = shapes;
+        let shapes = shapes.get(2 * step..2 * step + 3).ok_or(DynamicsError::ForeignData)?;
+        let n = self.orientation().len();
+        let stage = |stage: usize, orientation: &UnitQuaternion<f64>| {
+            let first = (2 * step + SHAPE_OF[stage]) * n;
+            let numbers = &mut orientations[TURN_OF[stage]][first..first + n];
+            self.write_orientation(orientation, numbers);
+            Ok(self.rate(&shapes[SHAPE_OF[stage]], numbers))
+        };
+        turn(start, h, stage, derivative)
+    }
+
+    fn rate(&self, shape: &Shape<f64>, orientation: &[f64]) -> StageRate {
         let reduced = self.reduce_in((), shape, orientation);
-        Ok(StageRate {
+        StageRate {
             angular_velocity: reduced.velocity.angular,
             by_orientation: shape.by_orientation(&reduced),
-        })
+        }
+    }
+
+    /// Hands out the derivatives of ω in each stage, by the numbers of its step and in it, of the steps [turned](Self::turn_step) through the
+    /// shapes that were [set](Self::set_shapes) last with directions. The root of a step that was not is at the neutral orientation; in the
+    /// plane they do not depend on it.
+    ///
+    /// Errors: shapes that were set without directions.
+    pub fn derivatives_of_steps(
+        &self,
+        shapes: &mut FlightShapes,
+        mut read: impl FnMut([usize; 2], FlightDerivatives<'_>),
+    ) -> Result<(), DynamicsError> {
+        let n_steps = shapes.shapes.len() / 2;
+        for turn in 0..2 {
+            let orientations = std::mem::take(&mut shapes.orientations[turn]);
+            let found = self.derivatives_of_shapes(shapes, &orientations, &mut |shape, found| {
+                if let Some(at) = stage_of(shape, turn, n_steps) {
+                    read(at, found);
+                }
+            });
+            shapes.orientations[turn] = orientations;
+            found?;
+        }
+        Ok(())
     }
 
     /// Hands out the derivatives in each shape of those that were [set](Self::set_shapes) last with directions, at orientations of the root
@@ -298,7 +370,7 @@ impl Flight<'_> {
         orientations: &[f64],
         read: &mut dyn FnMut(usize, FlightDerivatives<'_>),
     ) -> Result<(), DynamicsError> {
-        let FlightShapes { instructions, room, shapes, has_directions } = shapes;
+        let FlightShapes { instructions, room, shapes, has_directions, .. } = shapes;
         let count = shapes.len();
         let orientations = Rows::of_each("orientations", orientations, self.orientation().len(), count)?;
         let room = room.as_mut().filter(|_| *has_directions).ok_or(DynamicsError::ForeignData)?.as_mut();

@@ -24,6 +24,9 @@ pub const NODES: &[f64] = RUNGE_KUTTA_4.nodes;
 /// What each stage counts.
 pub const WEIGHTS: &[f64] = RUNGE_KUTTA_4.weights.factors;
 
+/// The shape that each stage has, of those at the start, in the middle and at the end of the step.
+pub const SHAPE_OF: [usize; STAGES] = [0, 1, 1, 2];
+
 /// Weights of Simpson's rule; the third stage repeats the second.
 pub const SIMPSON: [f64; STAGES] = [WEIGHTS[0], WEIGHTS[1] + WEIGHTS[2], 0.0, WEIGHTS[3]];
 

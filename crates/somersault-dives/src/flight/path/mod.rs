@@ -11,7 +11,7 @@ use somersault_core::argument::expect_length;
 use somersault_core::lie::so3::normalized_xyzw;
 use somersault_core::spline::MAX_DEGREE;
 use somersault_multibody::counting::Counting;
-use somersault_multibody::flight::step::{SIMPSON, STAGES, StageRate, StepDerivative, turn};
+use somersault_multibody::flight::step::{SHAPE_OF, SIMPSON, STAGES, StageRate, StepDerivative};
 use somersault_multibody::flight::{Flight, FlightDerivatives, FlightError, FlightShapes, TakeOff};
 use somersault_multibody::joint_motion::SplineMotion;
 use somersault_multibody::{DynamicsError, Group, Joint, Model};
@@ -80,25 +80,10 @@ struct Room {
     q: Vec<f64>,
     v: Vec<f64>,
     channels: Vec<f64>,
-    /// Numbers of the orientations at the samples, at the two stages in which each is evaluated.
-    orientations: [Vec<f64>; 2],
 }
 
 /// Basis functions and their derivatives.
 type Sample = [[f64; MAX_DEGREE + 1]; 2];
-
-/// The sample of a step that each stage is at.
-const SAMPLE_OF: [usize; STAGES] = [0, 1, 1, 2];
-/// Which of the two evaluations of that sample it is: the end of a step is evaluated before the start of the next.
-const EVALUATION_OF: [usize; STAGES] = [1, 0, 1, 0];
-
-/// The step, from that after the last knot, and the stage of which an evaluation of a sample is.
-fn stage_of(evaluation: usize, sample: usize, per_interval: usize) -> Option<[usize; 2]> {
-    let stage = (0..STAGES)
-        .find(|stage| EVALUATION_OF[*stage] == evaluation && SAMPLE_OF[*stage] % 2 == sample % 2)?;
-    let step = sample.checked_sub(SAMPLE_OF[stage])? / 2;
-    (step < per_interval).then_some([step, stage])
-}
 
 impl OrientationPath {
     /// The path of `model` with `n_steps` steps, at least one, rounded up to a multiple of the intervals of the spline.
@@ -120,14 +105,11 @@ impl OrientationPath {
         let by_channel = vec![zero; n_steps * STAGES * n_channels];
         let n_samples = samples_of_interval(per_interval);
         let joints = vec![0.0; n_samples * n_joints];
-        let still = if is_planar { &[0.0][..] } else { &[0.0, 0.0, 0.0, 1.0] };
-        let orientations = still.repeat(n_samples);
         let room = Room {
             shapes: FlightShapes::default(),
             q: joints.clone(),
             v: joints,
             channels: vec![0.0; n_channels],
-            orientations: [orientations.clone(), orientations],
         };
         let moves = |column: nalgebra::DVectorView<f64>| {
             column.iter().copied().enumerate().filter(|(_, along)| *along != 0.0).collect()
@@ -254,7 +236,7 @@ impl OrientationPath {
     /// Number of the sample at a stage.
     fn sample(&self, step: usize, stage: usize) -> usize {
         let interval = step / self.per_interval;
-        interval * samples_of_interval(self.per_interval) + 2 * (step % self.per_interval) + SAMPLE_OF[stage]
+        interval * samples_of_interval(self.per_interval) + 2 * (step % self.per_interval) + SHAPE_OF[stage]
     }
 
     /// First coefficient that acts at a step: the number of its interval between knots.
@@ -264,13 +246,12 @@ impl OrientationPath {
 
     fn run(&mut self, take_off: TakeOff, with_derivatives: bool) -> Result<(), FlightError> {
         let flight = Flight::try_new(&self.model, take_off)?;
-        let Room { shapes, q, v, channels, orientations } = &mut self.room;
+        let Room { shapes, q, v, channels } = &mut self.room;
         let n_samples = samples_of_interval(self.per_interval);
-        let n_joints = q.len() / n_samples;
-        let n_numbers = orientations[0].len() / n_samples;
+        let n_joints = (q.len() / n_samples).max(1);
         let h = 1.0 / self.n_steps as f64;
         for (interval, samples) in self.basis.chunks_exact(n_samples).enumerate() {
-            let rows = q.chunks_exact_mut(n_joints.max(1)).zip(v.chunks_exact_mut(n_joints.max(1)));
+            let rows = q.chunks_exact_mut(n_joints).zip(v.chunks_exact_mut(n_joints));
             for (sample, (q, v)) in samples.iter().zip(rows) {
                 write_joints(&self.motion, &self.coefficients, interval, sample, channels, q, v);
             }
@@ -278,42 +259,29 @@ impl OrientationPath {
             let first = interval * self.per_interval;
             for step in 0..self.per_interval {
                 let node = first + step;
-                let stages = &mut self.stages.rates[node * STAGES..][..STAGES];
-                let mut evaluate = |stage: usize, orientation: &[f64]| {
-                    let sample = 2 * step + SAMPLE_OF[stage];
-                    let numbers = &mut orientations[EVALUATION_OF[stage]][sample * n_numbers..];
-                    numbers[..n_numbers].copy_from_slice(orientation);
-                    stages[stage] = flight.rate_of_shape(shapes, sample, orientation)?;
-                    Ok::<_, DynamicsError>(stages[stage])
-                };
                 let derivative = &mut self.derivatives[node];
                 if self.is_planar {
-                    let (mut turned, angle) = (0.0, self.angles[node]);
-                    for stage in (0..STAGES).filter(|stage| SIMPSON[*stage] > 0.0) {
-                        turned += SIMPSON[stage] * evaluate(stage, &[angle])?.angular_velocity.z;
+                    // where ω does not depend on the orientation
+                    let mut turned = 0.0;
+                    for (weight, shape) in SIMPSON.iter().zip(SHAPE_OF).filter(|(weight, _)| **weight > 0.0) {
+                        let rate = flight.rate_of_shape(shapes, 2 * step + shape, &[0.0])?;
+                        turned += weight * rate.angular_velocity.z;
                     }
-                    self.angles[node + 1] = angle + h * turned;
+                    self.angles[node + 1] = self.angles[node] + h * turned;
                     *derivative = StepDerivative::simpson(h);
                 } else {
-                    let evaluate =
-                        |stage: usize, r: &UnitQuaternion<f64>| evaluate(stage, r.coords.as_slice());
                     let derivative = with_derivatives.then_some(derivative);
-                    self.orientations[node + 1] = turn(&self.orientations[node], h, evaluate, derivative)?;
+                    let start = &self.orientations[node];
+                    self.orientations[node + 1] = flight.turn_step(shapes, step, start, h, derivative)?;
                     if let Some(restart) = self.restart.as_mut().filter(|r| r.node == node + 1) {
                         restart.pass(&mut self.orientations[node + 1]);
                     }
                 }
             }
-            if !with_derivatives {
-                continue;
-            }
-            for (evaluation, orientations) in orientations.iter().enumerate() {
-                let mut read = |sample: usize, found: FlightDerivatives<'_>| {
-                    if let Some([step, stage]) = stage_of(evaluation, sample, self.per_interval) {
-                        self.stages.set((first + step) * STAGES + stage, &found, &self.moved);
-                    }
-                };
-                flight.derivatives_of_shapes(shapes, orientations, &mut read)?;
+            if with_derivatives {
+                flight.derivatives_of_steps(shapes, |[step, stage], found| {
+                    self.stages.set((first + step) * STAGES + stage, &found, &self.moved);
+                })?;
             }
         }
         Ok(())
@@ -322,6 +290,8 @@ impl OrientationPath {
 
 impl Stages {
     fn set(&mut self, at: usize, found: &FlightDerivatives<'_>, moved: &[Vec<(usize, f64)>]) {
+        let FlightDerivatives { angular_velocity, by_orientation, .. } = *found;
+        self.rates[at] = StageRate { angular_velocity, by_orientation };
         self.by_momentum[at] = found.by_angular_momentum;
         for (k, joints) in moved.iter().enumerate() {
             let along = |columns: &[Vector3<f64>]| {
