@@ -8,7 +8,7 @@ use num_dual::Dual64;
 use somersault::core::cancel::CancellationToken;
 use somersault::core::lanes::InstructionSet;
 use somersault::integrators::methods::RungeKuttaMuntheKaas4;
-use somersault::multibody::flight::{Flight, FlightData, FlightSystem};
+use somersault::multibody::flight::{Flight, FlightData, FlightShapes, FlightSystem};
 use somersault::multibody::motion::{HeldTorques, TreeSystem, rollout};
 use somersault::multibody::{
     Data, DerivativeData, LaneData, LaneDerivativeData, SecondDerivativeData, Split,
@@ -208,6 +208,19 @@ fn reduced_flight(c: &mut Criterion) {
     group.bench_function("derivatives", |b| {
         b.iter(|| flight.derivatives(&mut data, black_box(&q), &v).map(|d| d.by_shape[0].x))
     });
+    let count = 256;
+    let (mut many, mut rates) = (Vec::new(), Vec::new());
+    for _ in 0..count {
+        many.extend(random_configuration(&mut random, &model).expect("lengths fit"));
+        rates.extend(random.numbers(model.n_velocities(), 2.0));
+    }
+    let mut rows = vec![0.0; count * (6 * model.n_velocities() + 12)];
+    for set in InstructionSet::supported() {
+        let mut shapes = FlightShapes::with_instructions(set);
+        group.bench_function(BenchmarkId::new("derivatives of 256 states", set.name()), |b| {
+            b.iter(|| flight.derivatives_many(&mut shapes, black_box(&many), &rates, &mut rows))
+        });
+    }
     let swing = |t: f64, s: &mut [f64], rates: &mut [f64]| {
         s.copy_from_slice(&q[7..]);
         s[0] += (3.0 * t).sin();

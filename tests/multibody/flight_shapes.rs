@@ -91,6 +91,50 @@ fn shapes_in_lanes_have_the_bits_of_single_shapes_with_all_instructions() {
     }
 }
 
+#[test]
+fn derivatives_of_many_flights_are_those_of_single_ones_row_by_row() {
+    let mut random = Random::new(44);
+    for number in 0..12 {
+        let root = if number % 2 == 0 { Joint::Free } else { Joint::Planar };
+        let (n_bodies, count) = (1 + random.below(12), random.below(150));
+        let case = Case::new(&mut random, root, n_bodies, count);
+        let (flight, n) = (case.flight(), case.model.n_velocities());
+        let states: Vec<_> = (0..count).map(|k| case.state(k)).collect();
+        let (q, v): (Vec<_>, Vec<_>) = states.iter().cloned().unzip();
+        let length = 6 * n + 12;
+        let mut rows = vec![f64::NAN; count * length];
+        let mut shapes = FlightShapes::default();
+        flight.derivatives_many(&mut shapes, &q.concat(), &v.concat(), &mut rows).unwrap();
+        let (mut data, n_root) = (FlightData::new(&case.model), case.model.velocities_of(0).end);
+        for ((q, v), row) in states.iter().zip(rows.chunks_exact(length)) {
+            let found = flight.derivatives(&mut data, q, v).unwrap();
+            assert_eq!(&row[..3], found.angular_velocity.as_slice());
+            let matrix = |first: usize, columns: usize| {
+                nalgebra::DMatrix::from_row_slice(3, columns, &row[first..first + 3 * columns])
+            };
+            let (by_q, by_v) = (matrix(3, n), matrix(3 + 3 * n, n));
+            for k in 0..n {
+                let turning = if root == Joint::Planar { k + 1 } else { k };
+                let (of_q, of_v) = match k.checked_sub(n_root) {
+                    Some(k) => (found.by_shape[k], found.by_shape_velocity[k]),
+                    None if turning >= 3 && root == Joint::Free => {
+                        (found.by_orientation.column(k - 3).into_owned(), Vector3::zeros())
+                    }
+                    None if turning >= 3 => (found.by_orientation.column(2).into_owned(), Vector3::zeros()),
+                    None => (Vector3::zeros(), Vector3::zeros()),
+                };
+                assert_eq!((by_q.column(k).into_owned(), by_v.column(k).into_owned()), (of_q, of_v));
+            }
+            assert_eq!(matrix(3 + 6 * n, 3), found.by_angular_momentum);
+        }
+        // one state that stands for all
+        let Some((q, v)) = states.first() else { continue };
+        let mut alike = vec![0.0; 3 * length];
+        flight.derivatives_many(&mut shapes, q, v, &mut alike).unwrap();
+        assert!(alike.chunks_exact(length).all(|row| row == &rows[..length]));
+    }
+}
+
 /// A tree whose joints are hinges and slides.
 fn hinged(random: &mut Random, root: Joint, n: usize) -> Model {
     let mut builder = ModelBuilder::new();
@@ -187,6 +231,9 @@ fn what_does_not_fit_shapes_in_lanes_is_refused_by_name() {
     assert_eq!(found, wrong("q", 3 * n_q, 3 * n_q - 1));
     let found = flight.set_shapes(&mut shapes, 2, &q[..2 * n_q], &v, true).unwrap_err();
     assert_eq!(found, wrong("v", 2 * n, 3 * n));
+    let body = Case::new(&mut random, Joint::Free, 1, 0);
+    let found = body.flight().set_shapes(&mut shapes, usize::MAX, &[], &[], true).unwrap_err();
+    assert!(found.to_string().contains("`count`"), "{found}");
     let turned = case.orientations.concat();
     let mut nothing = |_: usize, _: FlightDerivatives<'_>| {};
     let found = flight.derivatives_of_shapes(&mut shapes, &[], &mut nothing).unwrap_err();
@@ -197,6 +244,11 @@ fn what_does_not_fit_shapes_in_lanes_is_refused_by_name() {
     flight.set_shapes(&mut shapes, 3, &q, &v, true).unwrap();
     let found = flight.derivatives_of_shapes(&mut shapes, &turned[4..], &mut nothing).unwrap_err();
     assert_eq!(found, wrong("orientations", 12, 8));
+    let start = nalgebra::UnitQuaternion::identity();
+    for step in [1, usize::MAX] {
+        let found = flight.turn_step(&mut shapes, step, &start, 0.1, None).unwrap_err();
+        assert_eq!(found, DynamicsError::ForeignData);
+    }
     assert_eq!(flight.rate_of_shape(&shapes, 3, &turned[..4]).unwrap_err(), DynamicsError::ForeignData);
     assert_eq!(flight.rate_of_shape(&shapes, 0, &[0.0]).unwrap_err(), wrong("orientation", 4, 1));
     // set for another tree
@@ -234,5 +286,6 @@ fn what_does_not_fit_shapes_in_lanes_is_refused_by_name() {
     let needle = builder.build().unwrap();
     let flight = Flight::try_new(&needle, case.start).unwrap();
     let singular = DynamicsError::Singular { joint: "needle".into() };
-    assert_eq!(flight.set_shapes(&mut shapes, 5, &[], &[], true).unwrap_err(), singular);
+    let named = DynamicsError::InState { index: 0, source: Box::new(singular) };
+    assert_eq!(flight.set_shapes(&mut shapes, 5, &[], &[], true).unwrap_err(), named);
 }

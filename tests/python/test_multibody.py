@@ -294,6 +294,10 @@ FUNCTIONS: list[tuple[str, Callable[[Model, Array, Array, Array], Any]]] = [
     ("normalize", lambda m, q, v, a: m.normalize(1.5 * q)),
     ("inverse_dynamics_partials", lambda m, q, v, a: joined(m.inverse_dynamics_partials(q, v, a))),
     ("forward_dynamics_partials", lambda m, q, v, a: joined(m.forward_dynamics_partials(q, v, a))),
+    (
+        "flight_velocity_partials",
+        lambda m, q, v, a: joined(m.flight_velocity_partials(q, v, [3.0, 2.0, 1.0])),
+    ),
     ("hybrid_dynamics_partials", lambda m, q, v, a: joined(m.hybrid_dynamics_partials(q, v, a, ["b1"]))),
     ("momentum_partials", lambda m, q, v, a: joined(m.momentum_partials(q, v))),
 ]
@@ -310,6 +314,50 @@ def test_batches_are_singles_to_the_last_bit(model: Model, name: str, function: 
     assert one.shape == together.shape
     np.testing.assert_array_equal(one[0], together[0])
     assert function(model, q[:0], v[:0], a[:0]).shape == (0, *together.shape[1:])
+
+
+@pytest.mark.parametrize("diver", [multibody.diver_planar(), multibody.diver_spatial()])
+def test_the_angular_velocity_in_flight_keeps_the_momentum(diver: multibody.Diver) -> None:
+    model = diver.model
+    n, planar = model.n_velocities, model.n_positions == model.n_velocities
+    root = model.velocities_of(0).stop
+    rng = np.random.default_rng(31)
+    q = np.array([model.displace(model.neutral(), v) for v in rng.normal(0, 0.5, (70, n))])
+    v, momentum = rng.normal(size=(70, n)), np.array([0.0, 40.0, 0.0] if planar else [5.0, 40.0, -9.0])
+    omega, omega_q, omega_v, omega_momentum = model.flight_velocity_partials(q, v, momentum)
+    v[:, root - (1 if planar else 3) : root] = omega[:, 2:] if planar else omega
+    found = np.array(model.centroidal_momentum(q, v))[:, 3:]
+    normal = [1] if planar else [0, 1, 2]
+    np.testing.assert_allclose(found[:, normal], np.tile(momentum[normal], (70, 1)), atol=1e-11)
+
+    def at(q: Array, v: Array, momentum: Array) -> Array:
+        return model.flight_velocity_partials(q, v, momentum)[0]
+
+    for k in (0, 69):
+        by_q = differences(model, q[k], lambda q, k=k: at(q, v[k], momentum))
+        np.testing.assert_allclose(omega_q[k], by_q, rtol=1e-6, atol=1e-6)
+        # linear in v and in the momentum
+        step = at(q[k], v[k] + np.eye(n), momentum) - omega[k]
+        np.testing.assert_allclose(omega_v[k], step.T, atol=1e-10)
+        step = np.array([at(q[k], v[k], momentum + e) for e in np.eye(3)]) - omega[k]
+        np.testing.assert_allclose(omega_momentum[k], step.T, atol=1e-10)
+        alone = model.flight_velocity_partials(q[k], v[k], momentum)
+        for own, many_rows in zip(alone, (omega, omega_q, omega_v, omega_momentum), strict=True):
+            np.testing.assert_array_equal(own, many_rows[k])
+
+
+def test_what_has_no_angular_velocity_in_flight_is_refused() -> None:
+    pole = multibody.cart_pendulum()
+    with pytest.raises(errors.InputError, match="must have a free or a planar joint to fly"):
+        pole.flight_velocity_partials([0.0, 0.0], [0.0, 0.0], [0.0, 0.0, 1.0])
+    rod = Model([Link("rod", "free", mass=1.0, inertia=(1.0, 1.0, 0.0))])
+    q = np.tile(rod.neutral(), (3, 1))
+    with pytest.raises(errors.DynamicsError, match="rod"):
+        rod.flight_velocity_partials(q, np.zeros(6), [0.0, 0.0, 1.0])
+    diver = multibody.diver_planar().model
+    for wrong in ([0.0, 1.0], [0.0, np.nan, 0.0], "up"):
+        with pytest.raises(errors.InputError, match="`angular_momentum` must"):
+            diver.flight_velocity_partials(diver.neutral(), np.zeros(12), wrong)
 
 
 def test_wrenches_may_be_many(model: Model) -> None:

@@ -188,6 +188,9 @@ class Model:
     def forward_dynamics_partials(
         self, q: ArrayLike, v: ArrayLike, torque: ArrayLike, wrenches: ArrayLike | None = None
     ) -> tuple[_Floats, _Floats, _Floats, _Floats]: ...
+    def flight_velocity_partials(
+        self, q: ArrayLike, v: ArrayLike, angular_momentum: ArrayLike
+    ) -> tuple[_Floats, _Floats, _Floats, _Floats]: ...
     def hybrid_dynamics_partials(
         self,
         q: ArrayLike,

@@ -41,29 +41,18 @@ impl<T: Scalar> Flight<'_, T> {
         v: &[T],
     ) -> Result<FlightDerivatives<'d, T>, DynamicsError> {
         self.set_shape(data, q, v)?;
-        self.set_directions(data);
-        Ok(self.derivatives_of_shape(data, q))
-    }
-
-    /// Evaluates what the [derivatives](Self::derivatives_of_shape) by the shape that was set last have in common.
-    pub fn set_directions(&self, data: &mut FlightData<T>) {
         self.set_directions_in((), &mut data.0);
-    }
-
-    /// The derivatives for the shape that was [set](Self::set_shape) last, with its [directions](Self::set_directions): of `q` only the
-    /// orientation of the root is read.
-    pub fn derivatives_of_shape<'d>(&self, data: &'d mut FlightData<T>, q: &[T]) -> FlightDerivatives<'d, T> {
         let reduced = self.reduce(data, q);
         let shape = &data.0.shape;
         let (by_orientation, by_angular_momentum) =
             (shape.by_orientation(&reduced), shape.by_angular_momentum(&reduced));
         let [by_shape, by_shape_velocity] = self.derive_in((), &mut data.0, &reduced);
-        FlightDerivatives {
+        Ok(FlightDerivatives {
             angular_velocity: reduced.velocity.angular,
             by_shape,
             by_shape_velocity,
             by_orientation,
             by_angular_momentum,
-        }
+        })
     }
 }

@@ -194,12 +194,7 @@ impl<'m, T: Scalar> Flight<'m, T> {
         v: &[T],
     ) -> Result<Vector3<T>, DynamicsError> {
         self.set_shape(data, q, v)?;
-        Ok(self.angular_velocity_of_shape(data, q))
-    }
-
-    /// The same for the shape that was [set](Self::set_shape) last: of `q` only the orientation of the root is read.
-    pub fn angular_velocity_of_shape(&self, data: &FlightData<T>, q: &[T]) -> Vector3<T> {
-        self.reduce(data, q).velocity.angular
+        Ok(self.reduce(data, q).velocity.angular)
     }
 
     /// Writes the position of the root to `q` and its velocity to `v`, at time `t`.
@@ -239,11 +234,8 @@ impl<'m, T: Scalar> Flight<'m, T> {
         if self.is_planar { 2..3 } else { 3..7 }
     }
 
-    /// Evaluates all that does not depend on the orientation of the root, for any number of orientations: O(n), and most of the
-    /// work of an evaluation.
-    ///
-    /// Fails where the tree has no inertia about some axis.
-    pub fn set_shape(&self, data: &mut FlightData<T>, q: &[T], v: &[T]) -> Result<(), DynamicsError> {
+    /// Evaluates all that does not depend on the orientation of the root.
+    fn set_shape(&self, data: &mut FlightData<T>, q: &[T], v: &[T]) -> Result<(), DynamicsError> {
         let model = self.model;
         expect_length("q", q.len(), model.n_positions())?;
         expect_length("v", v.len(), model.n_velocities())?;

@@ -11,7 +11,7 @@ use crate::flight::step::{SHAPE_OF, STAGES, StageRate, StepDerivative, turn};
 use crate::many::Rows;
 use crate::model::Model;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
-use somersault_core::argument::expect_length;
+use somersault_core::argument::{expect_length, expect_range};
 use somersault_core::lanes::{InstructionSet, Kernel, Lanes, Packed, WIDEST};
 use somersault_core::scalar::Lift;
 use std::any::Any;
@@ -19,10 +19,10 @@ use std::any::Any;
 /// Shapes of one tree and the workspace to evaluate them, made when it is first used and used repeatedly. A clone has no shapes.
 ///
 /// ```
-/// use somersault_multibody::flight::{Flight, FlightShapes, TakeOff};
-/// use somersault_multibody::models::DiverPlanar;
 /// use nalgebra::Vector3;
-/// let model = DiverPlanar::default().model()?;
+/// use somersault_multibody::flight::{Flight, FlightShapes, TakeOff};
+/// use somersault_multibody::models::Diver;
+/// let model = Diver::planar().model()?;
 /// let zero = Vector3::zeros();
 /// let take_off =
 ///     TakeOff { time: 0.0, center_of_mass: zero, velocity: zero, angular_momentum: Vector3::new(0.0, 60.0, 0.0) };
@@ -46,6 +46,11 @@ pub struct FlightShapes {
     /// Numbers of the orientations that steps through the shapes had, at the two stages of each shape.
     orientations: [Vec<f64>; 2],
 }
+
+/// The most shapes, each of which has some hundred bytes for each body.
+const MOST: usize = 1 << 16;
+/// States that are evaluated together where there are many.
+const BLOCK: usize = 64;
 
 /// Which of the two stages of a shape a stage of a step is: that at the end of a step comes before that at the start of the next.
 const TURN_OF: [usize; STAGES] = [1, 0, 1, 0];
@@ -262,7 +267,8 @@ impl Flight<'_> {
     ///
     /// All results are those of single shapes to the last bit, whichever instructions the processor has.
     ///
-    /// Errors: lengths that do not fit; a tree without inertia about some axis in one of the shapes. Then no shape is set.
+    /// Errors: more than 65,536 shapes; lengths that do not fit; a tree without inertia about some axis in a shape, the first one by
+    /// its number ([`DynamicsError::InState`]). Then no shape is set.
     pub fn set_shapes(
         &self,
         shapes: &mut FlightShapes,
@@ -275,19 +281,29 @@ impl Flight<'_> {
             (self.model.n_positions() - self.orientation().end, self.model.n_velocities() - self.n_root());
         let FlightShapes { instructions, room, shapes, has_directions, orientations } = shapes;
         shapes.clear();
+        expect_range("count", count as f64, "at most 65536", |_| count <= MOST)?;
+        let (q, v) = (Rows::of_each("q", q, n_q, count)?, Rows::of_each("v", v, n, count)?);
         let still: &[f64] = if self.is_planar { &[0.0] } else { &[0.0, 0.0, 0.0, 1.0] };
         for orientations in orientations {
             orientations.clear();
-            orientations.extend(still.iter().cycle().take(still.len().saturating_mul(count)));
+            orientations.extend(still.iter().cycle().take(still.len() * count));
         }
-        let (q, v) = (Rows::of_each("q", q, n_q, count)?, Rows::of_each("v", v, n, count)?);
         *has_directions = with_directions;
         let set = SetShapes { flight: self, room, count, q, v, with_directions, shapes };
         if instructions.run(set) {
             return Ok(());
         }
         shapes.clear();
-        Err(self.singular())
+        let index = (0..count).find(|k| !self.has_inertia(q.row(*k), v.row(*k))).unwrap_or(0);
+        Err(DynamicsError::InState { index, source: Box::new(self.singular()) })
+    }
+
+    /// Whether the tree has inertia about all axes in a shape.
+    fn has_inertia(&self, joints: &[f64], rates: &[f64]) -> bool {
+        let (mut q, mut v) = (self.model.neutral(), vec![0.0; self.model.n_velocities()]);
+        q[self.orientation().end..].copy_from_slice(joints);
+        v[self.n_root()..].copy_from_slice(rates);
+        self.set_shape_in((), &mut FlightTree::new((), self.model), &q, &v).is_some()
     }
 
     /// ω and ∂ω/∂θ in shape `k` of those that were [set](Self::set_shapes) last, with the root at an `orientation`: a quaternion x, y, z, w
@@ -317,11 +333,13 @@ impl Flight<'_> {
         derivative: Option<&mut StepDerivative>,
     ) -> Result<UnitQuaternion<f64>, DynamicsError> {
         let FlightShapes { shapes, orientations, .. } = shapes;
-        let shapes = shapes.get(2 * step..2 * step + 3).ok_or(DynamicsError::ForeignData)?;
+        let at = step.saturating_mul(2);
+        let shapes = shapes.get(at..at.saturating_add(3)).ok_or(DynamicsError::ForeignData)?;
         let n = self.orientation().len();
         let stage = |stage: usize, orientation: &UnitQuaternion<f64>| {
-            let first = (2 * step + SHAPE_OF[stage]) * n;
-            let numbers = &mut orientations[TURN_OF[stage]][first..first + n];
+            let first = (at + SHAPE_OF[stage]) * n;
+            let numbers =
+                orientations[TURN_OF[stage]].get_mut(first..first + n).ok_or(DynamicsError::ForeignData)?;
             self.write_orientation(orientation, numbers);
             Ok(self.rate(&shapes[SHAPE_OF[stage]], numbers))
         };
@@ -376,5 +394,70 @@ impl Flight<'_> {
         let room = room.as_mut().filter(|_| *has_directions).ok_or(DynamicsError::ForeignData)?.as_mut();
         let derive = Derive { flight: self, room, count, orientations, read };
         if instructions.run(derive) { Ok(()) } else { Err(DynamicsError::ForeignData) }
+    }
+
+    /// ω of many states with its derivatives. `q` and `v` have a row for each state, or one that stands for all; what is read of them is as in
+    /// [`angular_velocity`](Self::angular_velocity). `rows` has room for 3 + 6 n + 9 numbers for each state: ω, then ∂ω/∂q along q ⊕ ε e_k, ∂ω/∂v and
+    /// ∂ω/∂L, each matrix row by row; what ω does not depend on, the position and the velocity of the root, has zeros. Each row has the bits that
+    /// it has alone. Cost O(n) for each state.
+    ///
+    /// Errors as of [`set_shapes`](Self::set_shapes).
+    pub fn derivatives_many(
+        &self,
+        shapes: &mut FlightShapes,
+        q: &[f64],
+        v: &[f64],
+        rows: &mut [f64],
+    ) -> Result<(), DynamicsError> {
+        let n = self.model.n_velocities();
+        let length = 6 * n + 12;
+        let count = rows.len() / length;
+        expect_length("rows", rows.len(), count * length)?;
+        let q = Rows::new("q", q, self.model.n_positions(), count)?;
+        let v = Rows::new("v", v, n, count)?;
+        let (root_q, root_v, at) = (self.orientation().end, self.n_root(), self.orientation());
+        let first_angle = root_v - if self.is_planar { 1 } else { 3 };
+        let mut parts = [Vec::new(), Vec::new(), Vec::new()];
+        for (block, rows) in rows.chunks_mut(BLOCK * length).enumerate() {
+            let (first, count) = (block * BLOCK, rows.len() / length);
+            parts.iter_mut().for_each(Vec::clear);
+            let [joints, rates, orientations] = &mut parts;
+            for k in first..first + count {
+                joints.extend_from_slice(&q.row(k)[root_q..]);
+                rates.extend_from_slice(&v.row(k)[root_v..]);
+                orientations.extend_from_slice(&q.row(k)[at.clone()]);
+            }
+            self.set_shapes(shapes, count, joints, rates, true).map_err(|error| match error {
+                DynamicsError::InState { index, source } => {
+                    DynamicsError::InState { index: first + index, source }
+                }
+                error => error,
+            })?;
+            self.derivatives_of_shapes(shapes, orientations, &mut |k, found| {
+                let (omega, matrices) = rows[k * length..][..length].split_at_mut(3);
+                omega.copy_from_slice(found.angular_velocity.as_slice());
+                let (by_q, rest) = matrices.split_at_mut(3 * n);
+                let (by_v, by_momentum) = rest.split_at_mut(3 * n);
+                for i in 0..3 {
+                    let (by_q, by_v) = (&mut by_q[i * n..][..n], &mut by_v[i * n..][..n]);
+                    by_q[..first_angle].fill(0.0);
+                    by_v[..root_v].fill(0.0);
+                    let turned = &mut by_q[first_angle..root_v];
+                    for (c, out) in (3 - turned.len()..3).zip(turned) {
+                        *out = found.by_orientation[(i, c)];
+                    }
+                    for (out, column) in by_q[root_v..].iter_mut().zip(found.by_shape) {
+                        *out = column[i];
+                    }
+                    for (out, column) in by_v[root_v..].iter_mut().zip(found.by_shape_velocity) {
+                        *out = column[i];
+                    }
+                    for (c, out) in by_momentum[3 * i..][..3].iter_mut().enumerate() {
+                        *out = found.by_angular_momentum[(i, c)];
+                    }
+                }
+            })?;
+        }
+        Ok(())
     }
 }

@@ -18,7 +18,7 @@ pub(crate) struct Rows<'a> {
 }
 
 impl<'a> Rows<'a> {
-    pub(super) fn new(
+    pub(crate) fn new(
         argument: &'static str,
         numbers: &'a [f64],
         length: usize,
@@ -43,7 +43,7 @@ impl<'a> Rows<'a> {
     }
 
     #[inline(always)]
-    pub(super) fn row(&self, i: usize) -> &'a [f64] {
+    pub(crate) fn row(&self, i: usize) -> &'a [f64] {
         let start = if self.many { i * self.length } else { 0 };
         &self.numbers[start..start + self.length]
     }

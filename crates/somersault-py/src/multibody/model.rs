@@ -8,6 +8,7 @@ use crate::multibody::link::Link;
 use pyo3::prelude::*;
 use pyo3::types::{PyList, PySlice, PyType};
 use somersault::integrators::nalgebra::{DMatrix, Quaternion, UnitQuaternion, Vector3};
+use somersault::multibody::flight::FlightShapes;
 use somersault::multibody::{
     self, Data, DerivativeData, DynamicsError, Force, JointKind, LaneData, LaneDerivativeData, Turning,
 };
@@ -26,6 +27,7 @@ pub(crate) struct Workspace {
     pub(crate) derivatives: Option<DerivativeData>,
     lanes: Option<LaneData>,
     lane_derivatives: Option<LaneDerivativeData>,
+    flights: FlightShapes,
 }
 
 impl Workspace {
@@ -37,6 +39,7 @@ impl Workspace {
             derivatives: None,
             lanes: None,
             lane_derivatives: None,
+            flights: FlightShapes::default(),
         }
     }
 
@@ -190,6 +193,17 @@ impl Model {
             let work = w.lane_derivatives.get_or_insert_with(|| LaneDerivativeData::new(&self.model));
             evaluate(work, numbers, out)
         })
+    }
+
+    /// The same with a workspace for flights; `length` is that of a row of the result.
+    pub(crate) fn map_flights<const N: usize>(
+        &self,
+        py: Python<'_>,
+        arguments: [&Rows<'_>; N],
+        length: usize,
+        evaluate: impl Fn(&mut FlightShapes, [&[f64]; N], &mut [f64]) -> Result<(), DynamicsError> + Sync,
+    ) -> Result<Results, Error> {
+        self.map_rows(py, arguments, length, |w, numbers, out| evaluate(&mut w.flights, numbers, out))
     }
 
     /// Evaluates blocks of rows.

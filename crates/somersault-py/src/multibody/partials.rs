@@ -1,10 +1,12 @@
 //! Derivatives of the dynamics of trees.
 
+use crate::core::convert::vector;
 use crate::core::error::Error;
 use crate::multibody::kinematics::write;
 use crate::multibody::model::Model;
 use pyo3::prelude::*;
-use somersault::integrators::nalgebra::DMatrix;
+use somersault::integrators::nalgebra::{DMatrix, Vector3};
+use somersault::multibody::flight::{Flight, TakeOff};
 use somersault::multibody::{DerivativeData, Partials};
 
 /// Writes a result and its partials, one after the other.
@@ -125,6 +127,67 @@ impl Model {
             self.model.forward_dynamics_partials_many(work, q, v, torque, f, out)
         })?;
         Ok(found.arrays(py, [&[n], &[n, n], &[n, n], &[n, n]])?.into())
+    }
+
+    /// Angular velocity of the root in the air, and its partial derivatives.
+    ///
+    /// In flight the angular momentum L about the centre of mass is constant. With positions s and velocities ṡ of the
+    /// joints it leaves one angular velocity to the root in an orientation R: ω = I(s)⁻¹ (Rᵀ L − A(s) ṡ), with the inertia I
+    /// about the centre of mass and the momentum A ṡ of the joints' motion. Derivatives with respect to q are along
+    /// q ⊕ ε e_k, one column for each k. `fly` integrates the orientation.
+    ///
+    /// Parameters
+    /// ----------
+    /// q, v : array_like, shape (..., n)
+    ///     Configuration and velocity. The position of the root and its velocity do not count.
+    /// angular_momentum : array_like, shape (3,)
+    ///     L, axes of the world, kg m²/s.
+    ///
+    /// Returns
+    /// -------
+    /// omega : ndarray, shape (..., 3)
+    ///     ω, axes of the root, rad/s.
+    /// omega_q, omega_v : ndarray, shape (..., 3, n_velocities)
+    ///     ∂ω/∂q and ∂ω/∂v.
+    /// omega_momentum : ndarray, shape (..., 3, 3)
+    ///     ∂ω/∂L.
+    ///
+    /// Raises
+    /// ------
+    /// InputError
+    ///     If the joint of the root is neither free nor planar, or damped.
+    /// DynamicsError
+    ///     If the tree has no inertia about some axis.
+    ///
+    /// Examples
+    /// --------
+    /// A diver with 60 kg m²/s, straight and in a pike:
+    ///
+    /// >>> import numpy as np
+    /// >>> from somersault import multibody
+    /// >>> diver = multibody.diver_spatial()
+    /// >>> q = [diver.configuration("A"), diver.configuration("H")]
+    /// >>> omega, *partials = diver.model.flight_velocity_partials(q, np.zeros(27), [0.0, 60.0, 0.0])
+    /// >>> bool(np.linalg.norm(omega[1]) > 2 * np.linalg.norm(omega[0]))
+    /// True
+    fn flight_velocity_partials<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+        v: &Bound<'py, PyAny>,
+        angular_momentum: &Bound<'py, PyAny>,
+    ) -> Result<Four<'py>, Error> {
+        let (q, v) = (self.q("q", q)?, self.v("v", v)?);
+        let angular_momentum = vector("angular_momentum", angular_momentum)?;
+        let zero = Vector3::zeros();
+        let take_off = TakeOff { time: 0.0, center_of_mass: zero, velocity: zero, angular_momentum };
+        let flight = Flight::try_new(&self.model, take_off)?;
+        let n = self.model.n_velocities();
+        let found = self.map_flights(py, [&q, &v], 6 * n + 12, |shapes, [q, v], out| {
+            flight.derivatives_many(shapes, q, v, out)
+        })?;
+        let shapes: [&[usize]; 4] = [&[3], &[3, n], &[3, n], &[3, 3]];
+        Ok(found.arrays(py, shapes)?.into())
     }
 
     /// `hybrid_dynamics` and its partial derivatives.
