@@ -1,7 +1,7 @@
 //! Many shapes of a flight in lanes, and second derivatives along many directions: equal to single ones and to dual numbers.
 
 use crate::flight::{flying_tree, orientation, take_off};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Matrix3xX, UnitQuaternion, Vector3};
 use num_dual::Dual64;
 use somersault::multibody::flight::{
     Flight, FlightData, FlightDerivatives, FlightSecondDerivatives, FlightShapes, TakeOff,
@@ -109,9 +109,8 @@ fn derivatives_of_many_flights_are_those_of_single_ones_row_by_row() {
         for ((q, v), row) in states.iter().zip(rows.chunks_exact(length)) {
             let found = flight.derivatives(&mut data, q, v).unwrap();
             assert_eq!(&row[..3], found.angular_velocity.as_slice());
-            let matrix = |first: usize, columns: usize| {
-                nalgebra::DMatrix::from_row_slice(3, columns, &row[first..first + 3 * columns])
-            };
+            let matrix =
+                |first: usize, columns: usize| Matrix3xX::from_row_slice(&row[first..first + 3 * columns]);
             let (by_q, by_v) = (matrix(3, n), matrix(3 + 3 * n, n));
             for k in 0..n {
                 let turning = if root == Joint::Planar { k + 1 } else { k };
@@ -244,7 +243,7 @@ fn what_does_not_fit_shapes_in_lanes_is_refused_by_name() {
     flight.set_shapes(&mut shapes, 3, &q, &v, true).unwrap();
     let found = flight.derivatives_of_shapes(&mut shapes, &turned[4..], &mut nothing).unwrap_err();
     assert_eq!(found, wrong("orientations", 12, 8));
-    let start = nalgebra::UnitQuaternion::identity();
+    let start = UnitQuaternion::identity();
     for step in [1, usize::MAX] {
         let found = flight.turn_step(&mut shapes, step, &start, 0.1, None).unwrap_err();
         assert_eq!(found, DynamicsError::ForeignData);
