@@ -294,10 +294,6 @@ FUNCTIONS: list[tuple[str, Callable[[Model, Array, Array, Array], Any]]] = [
     ("normalize", lambda m, q, v, a: m.normalize(1.5 * q)),
     ("inverse_dynamics_partials", lambda m, q, v, a: joined(m.inverse_dynamics_partials(q, v, a))),
     ("forward_dynamics_partials", lambda m, q, v, a: joined(m.forward_dynamics_partials(q, v, a))),
-    (
-        "flight_velocity_partials",
-        lambda m, q, v, a: joined(m.flight_velocity_partials(q, v, [3.0, 2.0, 1.0])),
-    ),
     ("hybrid_dynamics_partials", lambda m, q, v, a: joined(m.hybrid_dynamics_partials(q, v, a, ["b1"]))),
     ("momentum_partials", lambda m, q, v, a: joined(m.momentum_partials(q, v))),
 ]
@@ -344,6 +340,12 @@ def test_the_angular_velocity_in_flight_keeps_the_momentum(diver: multibody.Dive
         alone = model.flight_velocity_partials(q[k], v[k], momentum)
         for own, many_rows in zip(alone, (omega, omega_q, omega_v, omega_momentum), strict=True):
             np.testing.assert_array_equal(own, many_rows[k])
+    # one row that stands for all, and none
+    together = model.flight_velocity_partials(q, v[3], momentum)
+    for own, many_rows in zip(model.flight_velocity_partials(q[5], v[3], momentum), together, strict=True):
+        np.testing.assert_array_equal(own, many_rows[5])
+    shapes = [found.shape for found in model.flight_velocity_partials(q[:0], v[:0], momentum)]
+    assert shapes == [(0, 3), (0, 3, n), (0, 3, n), (0, 3, 3)]
 
 
 def test_what_has_no_angular_velocity_in_flight_is_refused() -> None:
