@@ -72,7 +72,10 @@ struct Restart {
     derivative: Matrix3<f64>,
 }
 
-/// Room for the steps between two knots.
+/// Steps between two knots whose shapes are set together, at most.
+const TOGETHER: usize = 32;
+
+/// Room for some steps between two knots.
 #[derive(Debug, Clone)]
 struct Room {
     shapes: FlightShapes,
@@ -103,8 +106,7 @@ impl OrientationPath {
         let n_channels = motion.n_channels();
         let zero = Vector3::zeros();
         let by_channel = vec![zero; n_steps * STAGES * n_channels];
-        let n_samples = samples_of_interval(per_interval);
-        let joints = vec![0.0; n_samples * n_joints];
+        let joints = vec![0.0; samples_of(per_interval.min(TOGETHER)) * n_joints];
         let room = Room {
             shapes: FlightShapes::default(),
             q: joints.clone(),
@@ -236,7 +238,7 @@ impl OrientationPath {
     /// Number of the sample at a stage.
     fn sample(&self, step: usize, stage: usize) -> usize {
         let interval = step / self.per_interval;
-        interval * samples_of_interval(self.per_interval) + 2 * (step % self.per_interval) + SHAPE_OF[stage]
+        interval * samples_of(self.per_interval) + 2 * (step % self.per_interval) + SHAPE_OF[stage]
     }
 
     /// First coefficient that acts at a step: the number of its interval between knots.
@@ -247,45 +249,54 @@ impl OrientationPath {
     fn run(&mut self, take_off: TakeOff, with_derivatives: bool) -> Result<(), FlightError> {
         let flight = Flight::try_new(&self.model, take_off)?;
         let Room { shapes, q, v, channels } = &mut self.room;
-        let n_samples = samples_of_interval(self.per_interval);
-        let n_joints = (q.len() / n_samples).max(1);
+        let n_joints = self.motion.base().n_joints();
         let h = 1.0 / self.n_steps as f64;
-        for (interval, samples) in self.basis.chunks_exact(n_samples).enumerate() {
-            let rows = q.chunks_exact_mut(n_joints).zip(v.chunks_exact_mut(n_joints));
-            for (sample, (q, v)) in samples.iter().zip(rows) {
-                write_joints(&self.motion, &self.coefficients, interval, sample, channels, q, v);
-            }
-            flight.set_shapes(shapes, n_samples, q, v, with_derivatives)?;
-            let first = interval * self.per_interval;
-            for step in 0..self.per_interval {
-                let node = first + step;
-                let derivative = &mut self.derivatives[node];
-                if self.is_planar {
-                    // where ω does not depend on the orientation
-                    let mut turned = 0.0;
-                    for (weight, shape) in SIMPSON.iter().zip(SHAPE_OF).filter(|(weight, _)| **weight > 0.0) {
-                        let rate = flight.rate_of_shape(shapes, 2 * step + shape, &[0.0])?;
-                        turned += weight * rate.angular_velocity.z;
-                    }
-                    self.angles[node + 1] = self.angles[node] + h * turned;
-                    *derivative = StepDerivative::simpson(h);
-                } else {
-                    let derivative = with_derivatives.then_some(derivative);
-                    let start = &self.orientations[node];
-                    self.orientations[node + 1] = flight.turn_step(shapes, step, start, h, derivative)?;
-                    if let Some(restart) = self.restart.as_mut().filter(|r| r.node == node + 1) {
-                        restart.pass(&mut self.orientations[node + 1]);
+        let n_samples = samples_of(self.per_interval);
+        let starts = (0..self.n_steps).step_by(self.per_interval);
+        for (interval, (start, samples)) in starts.zip(self.basis.chunks_exact(n_samples)).enumerate() {
+            for before in (0..self.per_interval).step_by(TOGETHER) {
+                let n_steps = TOGETHER.min(self.per_interval - before);
+                let (first, samples) = (start + before, &samples[2 * before..][..samples_of(n_steps)]);
+                for (k, sample) in samples.iter().enumerate() {
+                    let (q, v) = (&mut q[k * n_joints..][..n_joints], &mut v[k * n_joints..][..n_joints]);
+                    write_joints(&self.motion, &self.coefficients, interval, sample, channels, q, v);
+                }
+                let n = samples.len() * n_joints;
+                flight.set_shapes(shapes, samples.len(), &q[..n], &v[..n], with_derivatives)?;
+                for step in 0..n_steps {
+                    let node = first + step;
+                    let derivative = &mut self.derivatives[node];
+                    if self.is_planar {
+                        let turned = turned_in_plane(&flight, shapes, step)?;
+                        self.angles[node + 1] = self.angles[node] + h * turned;
+                        *derivative = StepDerivative::simpson(h);
+                    } else {
+                        let derivative = with_derivatives.then_some(derivative);
+                        let from = &self.orientations[node];
+                        self.orientations[node + 1] = flight.turn_step(shapes, step, from, h, derivative)?;
+                        if let Some(restart) = self.restart.as_mut().filter(|r| r.node == node + 1) {
+                            restart.pass(&mut self.orientations[node + 1]);
+                        }
                     }
                 }
-            }
-            if with_derivatives {
-                flight.derivatives_of_steps(shapes, |[step, stage], found| {
-                    self.stages.set((first + step) * STAGES + stage, &found, &self.moved);
-                })?;
+                if with_derivatives {
+                    flight.derivatives_of_steps(shapes, |[step, stage], found| {
+                        self.stages.set((first + step) * STAGES + stage, &found, &self.moved);
+                    })?;
+                }
             }
         }
         Ok(())
     }
+}
+
+/// By how much a step turns a root in the plane, where ω does not depend on its angle, by the length of the step.
+fn turned_in_plane(flight: &Flight<'_>, shapes: &FlightShapes, step: usize) -> Result<f64, DynamicsError> {
+    let mut turned = 0.0;
+    for (weight, shape) in SIMPSON.iter().zip(SHAPE_OF).filter(|(weight, _)| **weight > 0.0) {
+        turned += weight * flight.rate_of_shape(shapes, 2 * step + shape, &[0.0])?.angular_velocity.z;
+    }
+    Ok(turned)
 }
 
 impl Stages {
@@ -324,9 +335,9 @@ const AT_REST: TakeOff = TakeOff {
     angular_momentum: Vector3::new(0.0, 0.0, 0.0),
 };
 
-/// Samples between two knots.
-fn samples_of_interval(per_interval: usize) -> usize {
-    2 * per_interval + 1
+/// Samples of steps one after the other.
+fn samples_of(n_steps: usize) -> usize {
+    2 * n_steps + 1
 }
 
 /// Positions and velocities of the joints at a sample of an interval between knots.
@@ -357,9 +368,9 @@ fn combine(coefficients: &[f64], n: usize, first: usize, values: &[f64], out: &m
 fn sample_basis(motion: &SplineMotion, per_interval: usize) -> Vec<Sample> {
     let basis = motion.basis();
     let n_halves = 2 * per_interval * basis.n_intervals();
-    let mut samples = Vec::with_capacity(samples_of_interval(per_interval) * basis.n_intervals());
+    let mut samples = Vec::with_capacity(samples_of(per_interval) * basis.n_intervals());
     for interval in 0..basis.n_intervals() {
-        for sample in 0..samples_of_interval(per_interval) {
+        for sample in 0..samples_of(per_interval) {
             let fraction = (2 * per_interval * interval + sample) as f64 / n_halves as f64;
             samples.push([0, 1].map(|derivative| {
                 let mut values = [0.0; MAX_DEGREE + 1];
