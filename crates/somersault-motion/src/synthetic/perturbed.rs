@@ -51,7 +51,7 @@ const STEPS: u64 = 8;
 /// What rotation a momentum may miss, rad.
 const AIM_TOL: f64 = 1e-9;
 /// Secants to the momentum, at most, and the largest multiple of that of the flight which they may lead to. Then it is
-/// looked for at equal distances on both sides of 1: so far apart, and so many on each side.
+/// looked for at equal distances on both sides of 1: so far apart, and at least so many on each side.
 const SECANTS: usize = 30;
 const FURTHEST: f64 = 10.0;
 const APART: f64 = 0.02;
@@ -109,10 +109,11 @@ impl SyntheticFlight {
     /// The flight with this perturbation, whose angular momentum is a multiple of the flight's.
     ///
     /// Of several multiples that turn the root as far it is the one that secants from 1 meet, or else the nearest to 1 that
-    /// lies between two of those at distances of 0.02, up to 0.4, which miss on different sides.
+    /// lies between two of those at distances of 0.02 which miss on different sides: up to 0.4, and as much further as the rotation
+    /// requested is a multiple of the flight's.
     ///
     /// Cost: some 30 000 evaluations of the flight for 60 frames where secants meet it, up to fifteen times as many where
-    /// they do not.
+    /// they do not, and forty where the flight is to turn twice as far.
     pub fn perturb(&self, perturbation: &Perturbation) -> Result<SyntheticDive, SyntheticError> {
         perturbation.validate()?;
         self.curve.expect_delay(perturbation.exit_delay)?;
@@ -145,7 +146,9 @@ impl SyntheticFlight {
             }
         }
         let mut ends = [(1.0, first); 2];
-        for k in 1..=SIDE {
+        let further = (perturbation.over_rotation / (self.turned * APART)).abs().min(FURTHEST / APART);
+        let side = SIDE + further.ceil() as usize;
+        for k in 1..=side {
             for (end, sign) in ends.iter_mut().zip([1.0, -1.0]) {
                 let near = *end;
                 let factor = 1.0 + sign * APART * k as f64;
@@ -164,7 +167,7 @@ impl SyntheticFlight {
                 }
             }
         }
-        Err(SyntheticError::NotAimed { reach: APART * SIDE as f64, miss: best })
+        Err(SyntheticError::NotAimed { reach: APART * side as f64, miss: best })
     }
 
     /// Flies with a momentum that is `factor` times that of the flight.
