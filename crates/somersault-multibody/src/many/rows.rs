@@ -24,11 +24,10 @@ impl<'a> Rows<'a> {
         length: usize,
         count: usize,
     ) -> Result<Self, DynamicsError> {
-        let many = numbers.len() != length;
-        if many {
-            expect_length(argument, numbers.len(), length.saturating_mul(count))?;
+        if numbers.len() != length {
+            return Self::of_each(argument, numbers, length, count);
         }
-        Ok(Self { numbers, length, many })
+        Ok(Self { numbers, length, many: false })
     }
 
     /// Rows of which there must be one for each state.
