@@ -7,7 +7,7 @@ use somersault_core::{Inertia, lie::so3};
 use somersault_integrators::batch::{
     AdaptedRuns, BatchError, ForcedRuns, Forces, FreeBodyBatch, FreeRuns, InstructionSet, Runs,
 };
-use somersault_integrators::body::RigidBody;
+use somersault_integrators::body::{PrincipalBody, RigidBody};
 use somersault_integrators::driver::{Adaptive, IntegrateError, Steps, TimeGrid};
 use somersault_integrators::exact::FreeBody;
 use somersault_integrators::force::{BoxedForce, ForceModel, Gravity, ScheduledTorque, Spring, Wrench};
@@ -325,6 +325,31 @@ fn free_bodies_agree_with_rkmk_b_to_rounding() {
     let outcomes = Runs::new(&systems, Method::RkmkB, &grids).from(&states).unwrap();
     for (end, outcome) in ends.iter().zip(&outcomes) {
         assert!(distance(end, &outcome.state) < 1e-12);
+    }
+}
+
+#[test]
+fn bodies_by_their_moments_move_as_those_made_of_them() {
+    let (_, states, grids) = flight(150);
+    let moments = Bodies::new(150, 1.0).moments;
+    let of = |(i, moments): (usize, &Vector3<f64>)| PrincipalBody::try_new(1.0 + i as f64, *moments).unwrap();
+    let bodies: Vec<PrincipalBody> = moments.iter().enumerate().map(of).collect();
+    let made: Vec<RigidBody> = bodies.iter().map(|body| (*body).into()).collect();
+    for (i, (body, moments)) in made.iter().zip(&moments).enumerate() {
+        assert_eq!(*body, RigidBody::try_principal(1.0 + i as f64, *moments).unwrap());
+    }
+    let ends = FreeRuns::new(&bodies, &grids).from(&states).unwrap();
+    assert_eq!(ends, FreeRuns::new(&made, &grids).from(&states).unwrap());
+
+    for (mass, moments) in [
+        (0.0, [1.0, 1.0, 1.0]),
+        (f64::INFINITY, [1.0, 1.0, 1.0]),
+        (1.0, [1.0, f64::NAN, 1.0]),
+        (1.0, [1.0, 0.0, 1.0]),
+        (1.0, [1.0, 5.0, 1.0]),
+    ] {
+        let refused = PrincipalBody::try_new(mass, moments.into()).unwrap_err().to_string();
+        assert_eq!(refused, RigidBody::try_principal(mass, moments.into()).unwrap_err().to_string());
     }
 }
 

@@ -89,19 +89,45 @@ impl From<Inertia> for Matrix3<f64> {
 /// Relative rounding granted to symmetry and to the triangle inequality.
 const ROUNDING: f64 = 1e-12;
 
-impl Inertia {
-    /// Inertia with the body axes as principal axes and `moments` along them.
+/// Principal moments that a rigid body can have, kg m²: positive, and none exceeds the sum of the other two.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PrincipalMoments(Vector3<f64>);
+
+impl PrincipalMoments {
+    /// These moments, where a body can have them.
     #[inline]
-    pub fn try_principal(moments: Vector3<f64>) -> Result<Self, InertiaError> {
+    pub fn try_new(moments: Vector3<f64>) -> Result<Self, InertiaError> {
         finite("moments", moments.as_slice())?;
         check_moments(&moments)?;
-        Ok(Self {
+        Ok(Self(moments))
+    }
+
+    /// The moments.
+    #[inline]
+    pub fn as_vector(&self) -> &Vector3<f64> {
+        &self.0
+    }
+}
+
+/// The body axes are the principal ones.
+impl From<PrincipalMoments> for Inertia {
+    #[inline]
+    fn from(PrincipalMoments(moments): PrincipalMoments) -> Self {
+        Self {
             tensor: Matrix3::from_diagonal(&moments),
             inverse: Matrix3::from_diagonal(&moments.map(f64::recip)),
             principal_moments: moments,
             principal_axes: UnitQuaternion::identity(),
             is_diagonal: true,
-        })
+        }
+    }
+}
+
+impl Inertia {
+    /// Inertia with the body axes as principal axes and `moments` along them.
+    #[inline]
+    pub fn try_principal(moments: Vector3<f64>) -> Result<Self, InertiaError> {
+        PrincipalMoments::try_new(moments).map(Self::from)
     }
 
     /// Inertia from its full tensor in the body frame.

@@ -37,5 +37,5 @@ pub mod roots;
 pub mod scalar;
 pub mod spline;
 
-pub use inertia::{Inertia, InertiaError};
+pub use inertia::{Inertia, InertiaError, PrincipalMoments};
 pub use scalar::Scalar;

@@ -1,8 +1,8 @@
 //! The rigid body: mass and inertia.
 
 use crate::state::{Pose, RigidBodyState};
-use nalgebra::Vector3;
-use somersault_core::{Inertia, InertiaError};
+use nalgebra::{UnitQuaternion, Vector3};
+use somersault_core::{Inertia, InertiaError, PrincipalMoments};
 
 /// Why a rigid body cannot be made.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -44,15 +44,70 @@ impl TryFrom<Parts> for RigidBody {
     }
 }
 
+/// A rigid body whose axes are its principal ones, in the least room that it takes: of many bodies in arrays.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PrincipalBody {
+    mass: f64,
+    moments: PrincipalMoments,
+}
+
+impl PrincipalBody {
+    /// A body of the given mass and principal moments.
+    #[inline]
+    pub fn try_new(mass: f64, moments: Vector3<f64>) -> Result<Self, BodyError> {
+        let moments = PrincipalMoments::try_new(moments)?;
+        check_mass(mass)?;
+        Ok(Self { mass, moments })
+    }
+}
+
+impl From<PrincipalBody> for RigidBody {
+    fn from(PrincipalBody { mass, moments }: PrincipalBody) -> Self {
+        Self { mass, inertia: moments.into() }
+    }
+}
+
+/// The principal frame of a body, on which its rotation depends where no torque acts.
+pub trait PrincipalFrame {
+    /// Principal moments of inertia, kg m².
+    fn moments(&self) -> &Vector3<f64>;
+    /// Rotation from the principal frame to the body frame.
+    fn axes(&self) -> UnitQuaternion<f64>;
+}
+
+impl PrincipalFrame for RigidBody {
+    #[inline]
+    fn moments(&self) -> &Vector3<f64> {
+        self.inertia.principal_moments()
+    }
+    #[inline]
+    fn axes(&self) -> UnitQuaternion<f64> {
+        *self.inertia.principal_axes()
+    }
+}
+
+impl PrincipalFrame for PrincipalBody {
+    #[inline]
+    fn moments(&self) -> &Vector3<f64> {
+        self.moments.as_vector()
+    }
+    #[inline]
+    fn axes(&self) -> UnitQuaternion<f64> {
+        UnitQuaternion::identity()
+    }
+}
+
+#[inline]
+fn check_mass(mass: f64) -> Result<(), BodyError> {
+    if mass.is_finite() && mass >= f64::MIN_POSITIVE { Ok(()) } else { Err(BodyError::Mass { found: mass }) }
+}
+
 impl RigidBody {
     /// A body of the given mass and inertia.
     #[inline]
     pub fn try_new(mass: f64, inertia: Inertia) -> Result<Self, BodyError> {
-        if mass.is_finite() && mass >= f64::MIN_POSITIVE {
-            Ok(Self { mass, inertia })
-        } else {
-            Err(BodyError::Mass { found: mass })
-        }
+        check_mass(mass)?;
+        Ok(Self { mass, inertia })
     }
 
     /// The same body with a mass near its own, which a difference quotient needs.
@@ -68,7 +123,7 @@ impl RigidBody {
     /// A body whose axes are principal axes with the given moments.
     #[inline]
     pub fn try_principal(mass: f64, moments: Vector3<f64>) -> Result<Self, BodyError> {
-        Self::try_new(mass, Inertia::try_principal(moments)?)
+        PrincipalBody::try_new(mass, moments).map(Self::from)
     }
 
     /// A solid box with full side lengths `lengths` (m).

@@ -11,8 +11,10 @@
 //!
 //! 12 evaluations, exponentials and products of quaternions, and 900 multiplications with additions for the sums of slopes.
 
-use super::forced::{Moving, Stage, States, dot, moved, one, scaled};
-use super::free::{Row, TILE, cos_sinc, cross, polynomial, product, renormalise, sum};
+use super::forced::{Moving, Stage, States};
+use super::rows::{
+    Row, TILE, cos_sinc, cross, dot, moved, one, polynomial, product, renormalise, scaled, sum,
+};
 use crate::state::Tolerances;
 use crate::tableau::Tableau;
 use somersault_core::lanes::{Kernel, Lanes, WIDEST};

@@ -24,7 +24,10 @@
 //! centre 40.
 
 use super::Forces;
-use super::free::{Row, TILE, advance, cross, exp, load, product, renormalise, select, store, sum};
+use super::rows::{
+    Row, TILE, advance, apply, apply_transposed, cross, dot, exp, load, moved, one, product, renormalise,
+    rotation, scaled, select, store, sum,
+};
 use crate::body::RigidBody;
 use crate::force::{StatesInLanes, WrenchesInLanes};
 use crate::series::WrenchTerm;
@@ -459,56 +462,6 @@ impl Kernel for &mut ForcedTile<'_> {
             }
         }
     }
-}
-
-/// A row at the bodies `at..at + WIDTH`.
-#[inline(always)]
-pub(super) fn one<L: Lanes>(l: L, row: &Row, at: usize) -> L::Vector {
-    l.load(&row.0[at..at + L::WIDTH])
-}
-
-/// a x + y, with one number a for all components.
-#[inline(always)]
-pub(super) fn moved<L: Lanes>(l: L, a: L::Vector, x: [L::Vector; 3], y: [L::Vector; 3]) -> [L::Vector; 3] {
-    advance(l, y, [a; 3], x)
-}
-
-#[inline(always)]
-pub(super) fn scaled<L: Lanes>(l: L, a: L::Vector, x: [L::Vector; 3]) -> [L::Vector; 3] {
-    [l.mul(a, x[0]), l.mul(a, x[1]), l.mul(a, x[2])]
-}
-
-#[inline(always)]
-pub(super) fn dot<L: Lanes>(l: L, x: [L::Vector; 3], y: [L::Vector; 3]) -> L::Vector {
-    l.mul_add(x[2], y[2], l.mul_add(x[1], y[1], l.mul(x[0], y[0])))
-}
-
-/// The matrix with these rows times x.
-#[inline(always)]
-fn apply<L: Lanes>(l: L, rows: &[[L::Vector; 3]; 3], x: [L::Vector; 3]) -> [L::Vector; 3] {
-    [dot(l, rows[0], x), dot(l, rows[1], x), dot(l, rows[2], x)]
-}
-
-/// Its transpose times x.
-#[inline(always)]
-fn apply_transposed<L: Lanes>(l: L, rows: &[[L::Vector; 3]; 3], x: [L::Vector; 3]) -> [L::Vector; 3] {
-    moved(l, x[2], rows[2], moved(l, x[1], rows[1], scaled(l, x[0], rows[0])))
-}
-
-/// The rows of the rotation matrix of q.
-#[inline(always)]
-fn rotation<L: Lanes>(l: L, q: [L::Vector; 4]) -> [[L::Vector; 3]; 3] {
-    let [w, x, y, z] = q;
-    let (x2, y2, z2) = (l.add(x, x), l.add(y, y), l.add(z, z));
-    let (wx, wy, wz) = (l.mul(w, x2), l.mul(w, y2), l.mul(w, z2));
-    let (xx, xy, xz) = (l.mul(x, x2), l.mul(x, y2), l.mul(x, z2));
-    let (yy, yz, zz) = (l.mul(y, y2), l.mul(y, z2), l.mul(z, z2));
-    let unit = l.splat(1.0);
-    [
-        [l.sub(unit, l.add(yy, zz)), l.sub(xy, wz), l.add(xz, wy)],
-        [l.add(xy, wz), l.sub(unit, l.add(xx, zz)), l.sub(yz, wx)],
-        [l.sub(xz, wy), l.add(yz, wx), l.sub(unit, l.add(xx, yy))],
-    ]
 }
 
 /// Position, velocity, orientation and angular velocity of the bodies of a vector.

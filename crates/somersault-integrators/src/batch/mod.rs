@@ -37,10 +37,11 @@
 mod adapted;
 mod forced;
 mod free;
+mod rows;
 
 pub use somersault_core::lanes::InstructionSet;
 
-use crate::body::RigidBody;
+use crate::body::{PrincipalFrame, RigidBody};
 use crate::driver::{Adaptive, IntegrateError, Outcome, Steps, TimeGrid, check_interval, check_state};
 use crate::force::{ForceModel, Gravity, Wrench};
 use crate::methods::{Dop853, Forms, Method, Options, RungeKuttaMuntheKaas};
@@ -53,9 +54,10 @@ use crate::stepper::Scheme;
 use crate::system::{RigidBodySystem, StateOf, System};
 use adapted::AdaptedTile;
 use forced::{ForcedTile, Moving};
-use free::{TILE, Tile};
-use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+use free::Tile;
+use nalgebra::{UnitQuaternion, Vector3};
 use rayon::prelude::*;
+use rows::TILE;
 use somersault_core::cancel::CancellationToken;
 use somersault_core::interval::nearest;
 use std::cmp::Reverse;
@@ -155,17 +157,19 @@ impl BatchError {
 ///
 /// The method is `rkmk_b` of the table ([`Method::RkmkB`]) with the rotation in principal axes and the
 /// translation in closed form: order 4, and the results of the two differ by rounding.
+///
+/// A body is needed for its [`PrincipalFrame`]: of many in arrays a [`PrincipalBody`](crate::body::PrincipalBody) takes least room.
 #[derive(Debug, Clone, Copy)]
 #[must_use = "runs begin with states, `from`"]
-pub struct FreeRuns<'a> {
-    bodies: &'a [RigidBody],
+pub struct FreeRuns<'a, B = RigidBody> {
+    bodies: &'a [B],
     grids: &'a [TimeGrid],
     gravity: Vector3<f64>,
 }
 
-impl<'a> FreeRuns<'a> {
+impl<'a, B: PrincipalFrame + Sync> FreeRuns<'a, B> {
     /// Without forces.
-    pub fn new(bodies: &'a [RigidBody], grids: &'a [TimeGrid]) -> Self {
+    pub fn new(bodies: &'a [B], grids: &'a [TimeGrid]) -> Self {
         Self { bodies, grids, gravity: Vector3::zeros() }
     }
 
@@ -190,9 +194,11 @@ impl<'a> FreeRuns<'a> {
     /// Errors: as of [`from`](Self::from), and [`BatchError::Cancelled`]. What the states are after one of a body that diverged, or after
     /// work that was cancelled, is not specified.
     pub fn advance(self, states: &mut [RigidBodyState], token: &CancellationToken) -> Result<(), BatchError> {
+        let Self { bodies, grids, .. } = self;
+        check_length("states", bodies.len(), states.len())?;
         let instructions = InstructionSet::detect();
-        advance_by_tiles(self.bodies, self.grids, states, token, Tile::new, |tile, order, states| {
-            self.advance_tile(instructions, tile, order, states, token)
+        advance_by_tiles(grids, states, token, Tile::new, |tile, order, states| {
+            self.advance_tile(instructions, tile, order, states, token);
         })
     }
 
@@ -206,27 +212,20 @@ impl<'a> FreeRuns<'a> {
         token: &CancellationToken,
     ) {
         let Self { bodies, grids, gravity } = self;
-        let mut turning = [Turning::default(); TILE];
-        for ((turning, x), &i) in turning.iter_mut().zip(&*states).zip(order) {
-            let q = x.orientation() * bodies[i].inertia().principal_axes();
-            *turning = Turning { q, omega: q.inverse() * x.angular_velocity() };
+        let (mut whole, mut rest) = ([(0.0, 0); TILE], [(0.0, 0); TILE]);
+        for (at, (x, &i)) in states.iter().zip(order).enumerate() {
+            let (body, grid) = (&bodies[i], &grids[i]);
+            tile.set(at, body.moments(), &body.axes(), x.orientation(), x.angular_velocity());
+            whole[at] = (grid.dt(), grid.full_steps());
+            rest[at] = (last_step(grid), 1);
         }
-        let turning = &mut turning[..order.len()];
-        let moments = |at: usize| bodies[order[at]].inertia().principal_moments();
-        let whole = |at: usize| (moments(at), grids[order[at]].dt(), grids[order[at]].full_steps());
-        turn(instructions, tile, turning, whole, token);
-        turn(instructions, tile, turning, |at| (moments(at), last_step(&grids[order[at]]), 1), token);
-
-        for ((x, turning), &i) in states.iter_mut().zip(turning).zip(order) {
-            let Turning { q, omega } = *turning;
+        tile.turn_in_world(instructions, order.len(), [&whole, &rest], token);
+        for (at, (x, &i)) in states.iter_mut().zip(order).enumerate() {
             let duration = grids[i].time(grids[i].steps()) - grids[i].time(0);
             let gained = gravity * duration;
-            *x = RigidBodyState::new(
-                x.position() + (x.velocity() + gained * 0.5) * duration,
-                q * bodies[i].inertia().principal_axes().inverse(),
-                x.velocity() + gained,
-                q * omega,
-            );
+            let (orientation, omega) = tile.get(at);
+            let position = x.position() + (x.velocity() + gained * 0.5) * duration;
+            *x = RigidBodyState::new(position, orientation, x.velocity() + gained, omega);
         }
     }
 }
@@ -307,8 +306,8 @@ impl<'a> ForcedRuns<'a> {
         token: &CancellationToken,
     ) -> Result<(), BatchError> {
         let Self { bodies, grids, terms, forces } = self;
+        check_length("states", bodies.len(), states.len())?;
         advance_by_tiles(
-            bodies,
             grids,
             states,
             token,
@@ -587,22 +586,20 @@ fn last_step(grid: &TimeGrid) -> f64 {
 /// Moves bodies along their grids by tiles of neighbours in the order of their numbers of steps: `advance` takes what `new` makes for it,
 /// the numbers of the bodies of a tile, and their states.
 fn advance_by_tiles<T>(
-    bodies: &[RigidBody],
     grids: &[TimeGrid],
     states: &mut [RigidBodyState],
     token: &CancellationToken,
     new: impl Fn() -> T + Sync + Send,
     advance: impl Fn(&mut T, &[usize], &mut [RigidBodyState]) + Sync + Send,
 ) -> Result<(), BatchError> {
-    check_length("states", bodies.len(), states.len())?;
-    check_length("grids", bodies.len(), grids.len())?;
+    check_length("grids", states.len(), grids.len())?;
     for (body, x) in states.iter().enumerate() {
         check_finite("states", body, x.position().as_slice())?;
         check_finite("states", body, x.orientation().coords.as_slice())?;
         check_finite("states", body, x.velocity().as_slice())?;
         check_finite("states", body, x.angular_velocity().as_slice())?;
     }
-    let mut order: Vec<usize> = (0..bodies.len()).collect();
+    let mut order: Vec<usize> = (0..grids.len()).collect();
     order.sort_by_key(|&i| Reverse(grids[i].full_steps()));
     let in_order = |states: &mut [RigidBodyState]| {
         let tiles = states.par_chunks_mut(TILE).zip(order.par_chunks(TILE));
@@ -657,39 +654,6 @@ struct Turning {
 impl Turning {
     fn is_finite(&self) -> bool {
         self.q.coords.iter().chain(&self.omega).all(|x| x.is_finite())
-    }
-}
-
-/// The steps of at most [`TILE`] bodies, by the principal moments, the size and the number of steps of each. A body without steps, or
-/// with steps of no size, stays as it is to the last bit. Where the token is cancelled some of the steps are not made.
-fn turn<'m>(
-    instructions: InstructionSet,
-    tile: &mut Tile,
-    bodies: &mut [Turning],
-    of: impl Fn(usize) -> (&'m Vector3<f64>, f64, u64),
-    token: &CancellationToken,
-) {
-    let mut moving = [false; TILE];
-    for (at, Turning { q, omega }) in bodies.iter().enumerate() {
-        let (moments, dt, steps) = of(at);
-        if moves(dt, steps) {
-            tile.set(at, (*moments).into(), [q.w, q.i, q.j, q.k], (omega * (0.5 * dt)).into());
-            moving[at] = true;
-        }
-    }
-    let sizes = (0..bodies.len()).map(&of).map(|(_, dt, steps)| (dt, steps));
-    in_parts(sizes, STEPS_PER_LOOK, token, |next| {
-        tile.clear();
-        for at in (0..TILE).filter(|at| moving[*at]) {
-            tile.take(at, next[at].1);
-        }
-        instructions.run(&mut *tile);
-    });
-    for (at, body) in bodies.iter_mut().enumerate().filter(|(at, _)| moving[*at]) {
-        let (_, dt, _) = of(at);
-        let ([w, x, y, z], half_angle) = tile.get(at);
-        body.q = UnitQuaternion::new_unchecked(Quaternion::new(w, x, y, z));
-        body.omega = half_angle.map(|x| x / (0.5 * dt)).into();
     }
 }
 
@@ -885,8 +849,16 @@ impl FreeBodyBatch {
         let (tiles, token) =
             (moved.par_chunks_mut(TILE).zip(moving.par_chunks(TILE)), CancellationToken::new());
         tiles.for_each_init(Tile::new, |tile, (moved, bodies)| {
-            let of = |at: usize| (&self.principal_moments[bodies[at]], dt[bodies[at]], steps[bodies[at]]);
-            turn(instructions, tile, moved, of, &token);
+            let (principal, mut made) = (UnitQuaternion::identity(), [(0.0, 0); TILE]);
+            for (at, (Turning { q, omega }, &i)) in moved.iter().zip(bodies).enumerate() {
+                tile.set(at, &self.principal_moments[i], &principal, q, omega);
+                made[at] = (dt[i], steps[i]);
+            }
+            tile.turn(instructions, bodies.len(), [&made], &token);
+            for (at, turning) in moved.iter_mut().enumerate() {
+                let (q, omega) = tile.get(at);
+                *turning = Turning { q, omega };
+            }
         });
 
         let diverged = moving.iter().zip(&moved).filter(|(_, moved)| !moved.is_finite());

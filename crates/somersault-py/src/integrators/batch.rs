@@ -12,11 +12,11 @@ use crate::integrators::bodies::{RigidBody, State};
 use crate::integrators::forces::models::{Acting, Reader, Shared};
 use crate::integrators::methods;
 use crate::integrators::plan::StepArguments;
-use crate::integrators::trajectory::{Cast, Trajectory};
+use crate::integrators::trajectory::{Bodies, Cast, Trajectory};
 use pyo3::prelude::*;
 use somersault::core::cancel::CancellationToken;
 use somersault::integrators::batch::{AdaptedRuns, BatchError, ForcedRuns, Forces, FreeRuns, Runs};
-use somersault::integrators::body;
+use somersault::integrators::body::{self, PrincipalFrame};
 use somersault::integrators::counted::Counted;
 use somersault::integrators::driver::{Adaptive, IntegrateError, Steps, TimeGrid, check_interval};
 use somersault::integrators::force::{BoxedForce, ForceModel, Gravity};
@@ -124,7 +124,7 @@ pub(crate) fn integrate_batch(
     let list = sequence(states).ok_or_else(|| wrong(a_type(states)))?;
     let times = recorded(interval, t_eval, list.len()?)?;
     let bodies = match bodies.extract::<RigidBody>() {
-        Ok(RigidBody(body)) => vec![body; list.len()?],
+        Ok(RigidBody(body)) => Bodies::Each(vec![body; list.len()?]),
         Err(_) => Cast::extract("bodies", bodies)?.bodies,
     };
     let mut states: Vec<RigidBodyState> = Vec::with_capacity(bodies.len());
@@ -220,23 +220,17 @@ pub(crate) fn integrate_arrays(
     let n = moments.len();
     let times = recorded(interval, t_eval, n)?;
     let masses = mass.map_or_else(|| Ok(vec![1.0; n]), |mass| numbers_or_one("mass", n, mass))?;
-    let mut bodies = Vec::with_capacity(n);
-    for (at, (mass, moments)) in std::iter::zip(masses, moments).enumerate() {
-        let body = body::RigidBody::try_principal(mass, moments);
-        bodies.push(body.map_err(|error| Error::input(format!("body {at}: {error}")))?);
+    let bodies = Bodies::principal(&masses, &moments)?;
+    let mut states = vec![RigidBodyState::default(); n];
+    if let Some(position) = position {
+        each_vector("position", position, &mut states, |x, r| x.configuration.position = r)?;
     }
-    let vectors = |argument, value: Option<&Bound<'_, PyAny>>| {
-        value.map(|value| vectors_of(argument, n, value)).transpose()
-    };
-    let (positions, velocities) = (vectors("position", position)?, vectors("velocity", velocity)?);
-    let spins = vectors_of("angular_velocity", n, angular_velocity)?;
+    if let Some(velocity) = velocity {
+        each_vector("velocity", velocity, &mut states, |x, v| x.rate.linear = v)?;
+    }
+    each_vector("angular_velocity", angular_velocity, &mut states, |x, omega| x.rate.angular = omega)?;
     let orientations = quaternions("quaternion", &[n], quaternion)?;
-    let of = |vectors: &Option<Vec<Vector3<f64>>>, i: usize| {
-        vectors.as_ref().map_or_else(Vector3::zeros, |vectors| vectors[i])
-    };
-    let states = (0..n)
-        .map(|i| RigidBodyState::new(of(&positions, i), orientations[i], of(&velocities, i), spins[i]))
-        .collect();
+    states.iter_mut().zip(orientations).for_each(|(x, q)| x.configuration.orientation = q);
     let gravity = Gravity { acceleration: vector_or("gravity", gravity, Vector3::zeros())? };
     let steps = StepArguments { dt: None, rtol, atol, max_step, first_step, max_steps };
     let batch = Batch { bodies, states, interval, times, gravity };
@@ -245,7 +239,7 @@ pub(crate) fn integrate_arrays(
 
 /// Bodies, their states at the start, and the times at which they are recorded.
 struct Batch {
-    bodies: Vec<body::RigidBody>,
+    bodies: Bodies,
     states: Vec<RigidBodyState>,
     interval: [f64; 2],
     times: Vec<f64>,
@@ -350,16 +344,17 @@ impl Batch {
             forced.lists.iter().map(|list| list.iter().map(as_model).collect()).collect();
         let lists: Vec<&[_]> = forced.list_of.iter().map(|&list| &lists[list][..]).collect();
         if let Some(dt) = &dt {
-            let gravity = self.gravity;
-            let moved = self.in_lanes(py, &free, dt, |bodies, grids, states, token| {
-                FreeRuns::new(bodies, grids).in_gravity(&gravity).advance(states, token)
-            })?;
+            let moved = self.free_in_lanes(py, &free, dt)?;
             self.keep(&free, moved, &mut kept);
-            let moved = self.in_lanes(py, summed, dt, |bodies, grids, states, token| {
-                let runs = ForcedRuns::try_new(bodies, grids, &forced.terms)?;
-                runs.with_forces(&lists)?.advance(states, token)
-            })?;
-            self.keep(summed, moved, &mut kept);
+            if !summed.is_empty() {
+                let states = self.take(summed);
+                let bodies = chosen(&self.bodies, summed);
+                let moved = self.in_lanes(py, summed, states, dt, |grids, states, token| {
+                    let runs = ForcedRuns::try_new(&bodies, grids, &forced.terms)?;
+                    runs.with_forces(&lists)?.advance(states, token)
+                })?;
+                self.keep(summed, moved, &mut kept);
+            }
         } else if let Some(Steps::Adapted { settings, .. }) = Some(steps).filter(|_| !summed.is_empty()) {
             let moved = self.adapted_in_lanes(py, summed, &settings, &forced.terms, &lists)?;
             self.keep(summed, moved, &mut kept);
@@ -384,38 +379,62 @@ impl Batch {
         }
     }
 
-    /// Some of the bodies by the method in vector lanes, from each time of the record to the next.
-    fn in_lanes(
+    /// The states of some of the bodies at the start, which are not needed a second time where these are all.
+    fn take(&mut self, members: &[usize]) -> Vec<RigidBodyState> {
+        if members.len() == self.states.len() {
+            std::mem::take(&mut self.states)
+        } else {
+            members.iter().map(|&i| self.states[i]).collect()
+        }
+    }
+
+    /// Some of the bodies without forces by the method in vector lanes.
+    fn free_in_lanes(
         &mut self,
         py: Python<'_>,
         members: &[usize],
         dt: &[f64],
-        advance: impl Fn(
-            &[body::RigidBody],
-            &[TimeGrid],
-            &mut [RigidBodyState],
-            &CancellationToken,
-        ) -> Result<(), BatchError>
-        + Sync,
+    ) -> Result<Vec<RigidBodyState>, Error> {
+        let states = self.take(members);
+        match &self.bodies {
+            Bodies::Each(bodies) => self.free_of(py, &chosen(bodies, members), members, states, dt),
+            Bodies::Principal(bodies, _) => self.free_of(py, &chosen(bodies, members), members, states, dt),
+        }
+    }
+
+    fn free_of<B: PrincipalFrame + Sync>(
+        &self,
+        py: Python<'_>,
+        bodies: &[B],
+        members: &[usize],
+        states: Vec<RigidBodyState>,
+        dt: &[f64],
+    ) -> Result<Vec<RigidBodyState>, Error> {
+        self.in_lanes(py, members, states, dt, |grids, states, token| {
+            FreeRuns::new(bodies, grids).in_gravity(&self.gravity).advance(states, token)
+        })
+    }
+
+    /// Some of the bodies in their states by the method in vector lanes, from each time of the record to the next.
+    fn in_lanes(
+        &self,
+        py: Python<'_>,
+        members: &[usize],
+        mut kept: Vec<RigidBodyState>,
+        dt: &[f64],
+        advance: impl Fn(&[TimeGrid], &mut [RigidBodyState], &CancellationToken) -> Result<(), BatchError> + Sync,
     ) -> Result<Vec<RigidBodyState>, Error> {
         let (n, mut now) = (members.len(), self.interval[0]);
-        let mut kept = if n == self.states.len() {
-            std::mem::take(&mut self.states)
-        } else {
-            members.iter().map(|&i| self.states[i]).collect()
-        };
         kept.reserve_exact(self.times.len().saturating_sub(1) * n);
-        let bodies = chosen(&self.bodies, members);
         for (k, &t) in self.times.iter().enumerate() {
             if k > 0 {
                 kept.extend_from_within((k - 1) * n..);
             }
             if t != now {
-                let grid = |&i: &usize| TimeGrid::try_new(now, t, dt[i]);
-                let grids = members.iter().map(grid).collect::<Result<Vec<_>, _>>()?;
+                let grids = grids(now, t, members.iter().map(|&i| dt[i]))?;
                 let states = &mut kept[k * n..];
                 cancel_on_signal(py, |token| {
-                    advance(&bodies, &grids, states, token).map_err(|error| error.among(members))
+                    advance(&grids, states, token).map_err(|error| error.among(members))
                 })?;
                 now = t;
             }
@@ -507,6 +526,19 @@ impl Batch {
     }
 }
 
+/// The grids from one time to another of steps of these sizes, most of which are as the one before.
+fn grids(start: f64, end: f64, sizes: impl Iterator<Item = f64>) -> Result<Vec<TimeGrid>, IntegrateError> {
+    let mut grids: Vec<TimeGrid> = Vec::with_capacity(sizes.size_hint().0);
+    for dt in sizes {
+        let grid = match grids.last() {
+            Some(before) if before.dt() == dt => *before,
+            _ => TimeGrid::try_new(start, end, dt)?,
+        };
+        grids.push(grid);
+    }
+    Ok(grids)
+}
+
 /// Those of the members, which increase, among all: of all where they are all.
 fn chosen<'a, T: Copy>(all: &'a [T], members: &[usize]) -> Cow<'a, [T]> {
     if members.len() == all.len() {
@@ -532,11 +564,17 @@ fn rows_of_three(argument: &str, value: &Bound<'_, PyAny>) -> Result<Vec<Vector3
     any_vectors(argument, &[count], value)
 }
 
-/// A finite vector for each body.
-fn vectors_of(argument: &str, bodies: usize, value: &Bound<'_, PyAny>) -> Result<Vec<Vector3<f64>>, Error> {
-    let vectors = any_vectors(argument, &[bodies], value)?;
+/// Puts a finite vector for each body into its state.
+fn each_vector(
+    argument: &str,
+    value: &Bound<'_, PyAny>,
+    states: &mut [RigidBodyState],
+    put: impl Fn(&mut RigidBodyState, Vector3<f64>),
+) -> Result<(), Error> {
+    let vectors = any_vectors(argument, &[states.len()], value)?;
     check_finite(argument, vectors.iter().flatten())?;
-    Ok(vectors)
+    states.iter_mut().zip(vectors).for_each(|(x, v)| put(x, v));
+    Ok(())
 }
 
 /// The times at which states of so many bodies are recorded, where there is room for all that a batch needs.

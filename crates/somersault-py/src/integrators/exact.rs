@@ -4,7 +4,7 @@ use crate::core::convert::{finite, times, vector, vector_array};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_class};
 use crate::integrators::bodies::{RigidBody, State};
-use crate::integrators::trajectory::{Cast, Trajectory};
+use crate::integrators::trajectory::{Bodies, Cast, Trajectory};
 use pyo3::prelude::*;
 use somersault::integrators::exact;
 use somersault::integrators::gyrostat;
@@ -23,7 +23,7 @@ fn states_at<'py>(
     if scalar {
         return Ok(Bound::new(py, State(states[0]))?.into_any());
     }
-    let cast = Cast { bodies: vec![body.0], single: true };
+    let cast = Cast { bodies: Bodies::Each(vec![body.0]), single: true };
     Ok(Bound::new(py, Trajectory::new(cast, times, states))?.into_any())
 }
 

@@ -124,7 +124,7 @@ impl Problem<'_, '_> {
                 if self.backwards {
                     between = Box::new(TimeReversed(between));
                 }
-                let system = RigidBodiesSystem::try_new(self.cast.bodies.clone(), each, between)?;
+                let system = RigidBodiesSystem::try_new(self.cast.bodies.to_vec(), each, between)?;
                 work.with(Forced(Counted::new(system)), state(states), reader.calls_python)
             }
         }
@@ -183,12 +183,12 @@ impl Problem<'_, '_> {
         if !self.locate {
             without_stretch(contacts.laws())?;
             let between: BoxedInteraction = Box::new(contacts);
-            let system = RigidBodiesSystem::try_new(bodies.clone(), each, between)?;
+            let system = RigidBodiesSystem::try_new(bodies.to_vec(), each, between)?;
             return work.with(Forced(Counted::new(system)), state, reader.calls_python);
         }
         let count = contacts.len();
         let each = each.into_iter().map(Counted::new).collect();
-        let system = WithStretches(BodiesInContact::try_new(bodies.clone(), each, contacts)?);
+        let system = WithStretches(BodiesInContact::try_new(bodies.to_vec(), each, contacts)?);
         let initial = stretched(&system, stretches, t, state)?;
         let bodies = InContact { system, contacts: count, location: self.location };
         work.with(bodies, initial, reader.calls_python)

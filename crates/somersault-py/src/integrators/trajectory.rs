@@ -21,19 +21,59 @@ use pyo3::types::{PyList, PyTuple, PyType};
 use somersault::contact::bodies::BodiesInContact;
 use somersault::contact::contacts::BodyInContact;
 use somersault::contact::stretches::WithStretches;
-use somersault::integrators::body;
+use somersault::integrators::body::{self, PrincipalBody};
 use somersault::integrators::counted::Counted;
 use somersault::integrators::events::Certificate;
 use somersault::integrators::force::BoxedForce;
 use somersault::integrators::nalgebra::Vector3;
 use somersault::integrators::solution;
 use somersault::integrators::state::{self, RigidBodyState};
-use std::sync::Arc;
+use std::ops::Deref;
+use std::sync::{Arc, OnceLock};
+
+/// Bodies. Those whose axes are the principal ones are made of their masses and moments when they are first needed.
+#[derive(Clone)]
+pub(crate) enum Bodies {
+    Each(Vec<body::RigidBody>),
+    Principal(Vec<PrincipalBody>, OnceLock<Vec<body::RigidBody>>),
+}
+
+impl Bodies {
+    /// Errors: the first of which mass or moments are not those of a body.
+    pub(crate) fn principal(masses: &[f64], moments: &[Vector3<f64>]) -> Result<Self, Error> {
+        let body = |(at, (mass, moments)): (usize, (&f64, &Vector3<f64>))| {
+            let body = PrincipalBody::try_new(*mass, *moments);
+            body.map_err(|error| Error::input(format!("body {at}: {error}")))
+        };
+        let bodies = masses.iter().zip(moments).enumerate().map(body).collect::<Result<_, _>>()?;
+        Ok(Self::Principal(bodies, OnceLock::new()))
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        match self {
+            Self::Each(bodies) => bodies.len(),
+            Self::Principal(bodies, _) => bodies.len(),
+        }
+    }
+}
+
+impl Deref for Bodies {
+    type Target = [body::RigidBody];
+
+    fn deref(&self) -> &[body::RigidBody] {
+        match self {
+            Self::Each(bodies) => bodies,
+            Self::Principal(bodies, made) => {
+                made.get_or_init(|| bodies.iter().map(|body| (*body).into()).collect())
+            }
+        }
+    }
+}
 
 /// One body or several. Where there is one, arrays have no axis for bodies.
 #[derive(Clone)]
 pub(crate) struct Cast {
-    pub(crate) bodies: Vec<body::RigidBody>,
+    pub(crate) bodies: Bodies,
     pub(crate) single: bool,
 }
 
@@ -41,7 +81,7 @@ impl Cast {
     /// A body, or a sequence of them.
     pub(crate) fn extract(argument: &str, value: &Bound<'_, PyAny>) -> Result<Self, Error> {
         if let Ok(RigidBody(body)) = value.extract() {
-            return Ok(Self { bodies: vec![body], single: true });
+            return Ok(Self { bodies: Bodies::Each(vec![body]), single: true });
         }
         let wrong = |found: &Bound<'_, PyAny>| {
             let tree = if found.is_instance_of::<Model>() {
@@ -63,7 +103,7 @@ impl Cast {
         if bodies.is_empty() {
             return Err(Error::input(format!("`{argument}` must hold at least one body")));
         }
-        Ok(Self { bodies, single: false })
+        Ok(Self { bodies: Bodies::Each(bodies), single: false })
     }
 
     /// One state for each body.
@@ -174,9 +214,28 @@ impl Trajectory {
         what: Made,
         values: impl Fn(&body::RigidBody, &RigidBodyState) -> [f64; N],
     ) -> PyResult<Bound<'py, PyAny>> {
+        let of_all = || self.cast.bodies.iter().cycle().zip(&self.states).map(|(body, x)| values(body, x));
+        self.rows(py, what, || of_all().collect())
+    }
+
+    /// The same of what depends on states alone.
+    fn array_of_states<'py, const N: usize>(
+        &self,
+        py: Python<'py>,
+        what: Made,
+        values: impl Fn(&RigidBodyState) -> [f64; N],
+    ) -> PyResult<Bound<'py, PyAny>> {
+        self.rows(py, what, || self.states.iter().map(values).collect())
+    }
+
+    /// The array of these rows, which are made when it is first requested.
+    fn rows<'py, const N: usize>(
+        &self,
+        py: Python<'py>,
+        what: Made,
+        rows: impl FnOnce() -> Vec<[f64; N]>,
+    ) -> PyResult<Bound<'py, PyAny>> {
         let made = self.made[what as usize].get_or_try_init(py, || {
-            let bodies = self.cast.bodies.iter().cycle();
-            let rows: Vec<[f64; N]> = bodies.zip(&self.states).map(|(body, x)| values(body, x)).collect();
             let mut shape = vec![self.times.len()];
             if !self.cast.single {
                 shape.push(self.cast.bodies.len());
@@ -184,7 +243,7 @@ impl Trajectory {
             if N > 1 {
                 shape.push(N);
             }
-            Ok::<_, PyErr>(array(py, rows.into_flattened(), &shape)?.into_any().unbind())
+            Ok::<_, PyErr>(array(py, rows().into_flattened(), &shape)?.into_any().unbind())
         })?;
         Ok(made.bind(py).clone())
     }
@@ -218,16 +277,16 @@ value! {
         body: PyResult<Bound<'py, PyAny>> = |own, py| own.cast.to_python(py);
         /// ndarray, shape (n, 3) or (n, bodies, 3): Positions of the centre of mass, m.
         position: PyResult<Bound<'py, PyAny>> =
-            |own, py| own.array(py, Made::Position, |_, x| (*x.position()).into());
+            |own, py| own.array_of_states(py, Made::Position, |x| (*x.position()).into());
         /// ndarray, shape (n, 4) or (n, bodies, 4): Orientations as unit quaternions (x, y, z, w).
         quaternion: PyResult<Bound<'py, PyAny>> =
-            |own, py| own.array(py, Made::Quaternion, |_, x| components(x.orientation()));
+            |own, py| own.array_of_states(py, Made::Quaternion, |x| components(x.orientation()));
         /// ndarray, shape (n, 3) or (n, bodies, 3): Velocities of the centre of mass, m/s.
         velocity: PyResult<Bound<'py, PyAny>> =
-            |own, py| own.array(py, Made::Velocity, |_, x| (*x.velocity()).into());
+            |own, py| own.array_of_states(py, Made::Velocity, |x| (*x.velocity()).into());
         /// ndarray, shape (n, 3) or (n, bodies, 3): Angular velocities in the world frame, rad/s.
         angular_velocity: PyResult<Bound<'py, PyAny>> =
-            |own, py| own.array(py, Made::AngularVelocity, |_, x| (*x.angular_velocity()).into());
+            |own, py| own.array_of_states(py, Made::AngularVelocity, |x| (*x.angular_velocity()).into());
         /// ndarray, shape (n, 3) or (n, bodies, 3): Angular momenta about the centre of mass, kg m²/s.
         angular_momentum: PyResult<Bound<'py, PyAny>> =
             |own, py| own.array(py, Made::AngularMomentum, |body, x| body.angular_momentum(x).into());
@@ -285,7 +344,7 @@ impl Trajectory {
     /// ndarray, shape (n, 3) or (n, bodies, 3): Angular velocities in the body frame, rad/s.
     #[getter]
     fn angular_velocity_body<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        self.array(py, Made::AngularVelocityBody, |_, x| {
+        self.array_of_states(py, Made::AngularVelocityBody, |x| {
             x.orientation().inverse_transform_vector(x.angular_velocity()).into()
         })
     }
@@ -591,7 +650,7 @@ impl Solution {
             let contacts = (contacts.len() > 0).then_some(contacts);
             let contacts = reader.body_contacts(n, contacts.map(|given| given.as_any()), Some(pairs))?;
             let none = (0..n).map(|_| Counted::<Vec<BoxedForce>>::new(Vec::new())).collect();
-            let system = WithStretches(BodiesInContact::try_new(bodies.clone(), none, contacts)?);
+            let system = WithStretches(BodiesInContact::try_new(bodies.to_vec(), none, contacts)?);
             let rows = base.states.chunks(n).enumerate().map(|(k, each)| {
                 let x = state::State::augmented(state::State::from_bodies(each), self.log.stretches_at(k));
                 (system.touches(&x), system.energy(&x))
