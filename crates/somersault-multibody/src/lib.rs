@@ -62,6 +62,7 @@ mod inertia;
 pub mod joint;
 pub mod joint_motion;
 mod kinematics;
+mod lane_room;
 mod link;
 mod many;
 mod mimic;

@@ -3,46 +3,29 @@
 use super::DerivativeTables;
 use crate::data::TreeData;
 use crate::error::DynamicsError;
+use crate::lane_room::{Kept, LaneRoom, Room};
 use crate::model::Model;
 use crate::spatial::Force;
 use somersault_core::argument::expect_length;
 use somersault_core::lane_dual::LaneDual;
 use somersault_core::lanes::{InstructionSet, Kernel, Lanes, WIDEST};
 use somersault_core::scalar::Lift;
-use std::any::Any;
 
 /// Workspace of second derivatives, made for a model when it is first used and used repeatedly; with it nothing allocates. A clone
 /// makes its own.
-#[derive(Debug)]
-pub struct SecondDerivativeData {
-    instructions: InstructionSet,
-    /// The [`Room`] of the lanes of these instructions.
-    room: Option<Box<dyn Any + Send + Sync>>,
-}
-
-impl Default for SecondDerivativeData {
-    /// With the widest vector instructions of this processor.
-    fn default() -> Self {
-        Self::with_instructions(InstructionSet::detect())
-    }
-}
-
-impl Clone for SecondDerivativeData {
-    fn clone(&self) -> Self {
-        Self::with_instructions(self.instructions)
-    }
-}
+#[derive(Debug, Default, Clone)]
+pub struct SecondDerivativeData(LaneRoom);
 
 impl SecondDerivativeData {
-    /// With chosen vector instructions, which change the duration and not the results.
+    /// With chosen vector instructions in the place of the widest of this processor: they change the duration and not the results.
     pub fn with_instructions(instructions: InstructionSet) -> Self {
-        Self { instructions, room: None }
+        Self(LaneRoom::with_instructions(instructions))
     }
 }
 
 /// What the directions in all lanes are computed with.
 #[derive(Debug)]
-struct Room<L: Lanes> {
+struct Moved<L: Lanes> {
     tree: TreeData<LaneDual<L>>,
     tables: DerivativeTables<LaneDual<L>>,
     /// Of the degrees of freedom: partials of those that are not on one way to the root stay zero.
@@ -58,7 +41,7 @@ struct Room<L: Lanes> {
     contracted: Vec<LaneDual<L>>,
 }
 
-impl<L: Lanes> Room<L> {
+impl<L: Lanes> Room<L> for Moved<L> {
     fn new(lanes: L, model: &Model) -> Self {
         let zero = LaneDual::lift(lanes, 0.0);
         let n = model.n_velocities();
@@ -86,7 +69,9 @@ impl<L: Lanes> Room<L> {
             && self.parents == model.dof_parent
             && self.wrenches.len() == model.n_bodies()
     }
+}
 
+impl<L: Lanes> Moved<L> {
     /// A state moved along the directions of the lanes, rows of (dq, dv, da); lanes without a direction move along none.
     #[inline(always)]
     fn move_along(&mut self, lanes: L, model: &Model, state: [&[f64]; 3], directions: &[f64]) {
@@ -140,7 +125,7 @@ impl<L: Lanes> Room<L> {
 /// All directions, as many at a time as there are lanes.
 struct Along<'a> {
     model: &'a Model,
-    room: &'a mut Option<Box<dyn Any + Send + Sync>>,
+    room: &'a mut Kept,
     state: [&'a [f64]; 3],
     wrenches: &'a [Force<f64>],
     weights: &'a [f64],
@@ -154,13 +139,7 @@ impl Kernel for Along<'_> {
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) {
         let Self { model, room, state, wrenches, weights, directions, rows } = self;
-        let fits = |room: &Box<dyn Any + Send + Sync>| {
-            room.downcast_ref::<Room<L>>().is_some_and(|room| room.is_for(model))
-        };
-        if !room.as_ref().is_some_and(fits) {
-            *room = Some(Box::new(Room::new(lanes, model)));
-        }
-        let Some(room) = room.as_mut().and_then(|room| room.downcast_mut::<Room<L>>()) else { return };
+        let Some(room) = room.fitting::<L, Moved<L>>(lanes, model) else { return };
         for (to, wrench) in room.wrenches.iter_mut().zip(wrenches) {
             *to = wrench.lift(lanes);
         }
@@ -182,14 +161,14 @@ impl Kernel for Along<'_> {
             let rows = &mut rows[3 * n * group.start..3 * n * group.end];
             let group = &directions[length * group.start..length * group.end];
             room.move_along(lanes, model, state, group);
-            let Room { tree, tables, q, v, a, wrenches: lifted, weights, contracted, .. } = &mut *room;
+            let Moved { tree, tables, q, v, a, wrenches: lifted, weights, contracted, .. } = &mut *room;
             let coupled = usize::from(model.coupling.is_some());
             let (q, v, a) = (&q[coupled][..], &v[coupled][..], &a[coupled][..]);
             model.place_in(lanes, tree, q);
             model.differentiate_in(lanes, tree, tables, v, a, &lifted[..wrenches.len()]);
             let tables = [&tables.inverse.q, &tables.inverse.v, &tree.mass_matrix];
             for (part, table) in tables.into_iter().enumerate() {
-                Room::contract(lanes, model, weights, table.as_slice(), contracted);
+                Moved::contract(lanes, model, weights, table.as_slice(), contracted);
                 for (k, found) in contracted.iter().enumerate() {
                     of_state[part * n + k] = found.value();
                     let mut slopes = [0.0; WIDEST];
@@ -250,9 +229,9 @@ impl Model {
         if n == 0 {
             return Ok(());
         }
-        let SecondDerivativeData { instructions, room } = data;
+        let SecondDerivativeData(LaneRoom { instructions, kept }) = data;
         let state = [q, v, a];
-        instructions.run(Along { model: self, room, state, wrenches, weights, directions, rows });
+        instructions.run(Along { model: self, room: kept, state, wrenches, weights, directions, rows });
         Ok(())
     }
 }

@@ -3,49 +3,41 @@
 use super::Flight;
 use super::tree::FlightTree;
 use crate::error::DynamicsError;
+use crate::lane_room::{Kept, LaneRoom, Room};
 use crate::model::Model;
 use nalgebra::Vector3;
 use somersault_core::argument::expect_length;
 use somersault_core::lane_dual::LaneDual;
 use somersault_core::lanes::{InstructionSet, Kernel, Lanes, WIDEST};
 use somersault_core::scalar::Lift;
-use std::any::Any;
 
 /// One shape, moved along directions, and the workspace to evaluate it, made when it is first used and used repeatedly. A clone has no
 /// shape.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct FlightSecondDerivatives {
-    instructions: InstructionSet,
-    /// The [`Room`] of the lanes of these instructions.
-    room: Option<Box<dyn Any + Send + Sync>>,
+    /// Of [`Groups`].
+    room: LaneRoom,
     /// Numbers of the directions that were set last, those of a direction side by side.
     directions: Vec<f64>,
     count: usize,
 }
 
-impl Default for FlightSecondDerivatives {
-    /// With the widest vector instructions of this processor.
-    fn default() -> Self {
-        Self::with_instructions(InstructionSet::detect())
-    }
-}
-
 impl Clone for FlightSecondDerivatives {
     fn clone(&self) -> Self {
-        Self::with_instructions(self.instructions)
+        Self::with_instructions(self.room.instructions)
     }
 }
 
 impl FlightSecondDerivatives {
-    /// With chosen vector instructions, which change the duration and not the results.
+    /// With chosen vector instructions in the place of the widest of this processor: they change the duration and not the results.
     pub fn with_instructions(instructions: InstructionSet) -> Self {
-        Self { instructions, room: None, directions: Vec::new(), count: 0 }
+        Self { room: LaneRoom::with_instructions(instructions), ..Self::default() }
     }
 }
 
 /// What the directions in all lanes are evaluated with.
 #[derive(Debug)]
-struct Room<L: Lanes> {
+struct Groups<L: Lanes> {
     /// As many directions each as there are lanes.
     groups: Vec<FlightTree<LaneDual<L>>>,
     q: Vec<LaneDual<L>>,
@@ -54,7 +46,7 @@ struct Room<L: Lanes> {
     weighted: [Vec<LaneDual<L>>; 2],
 }
 
-impl<L: Lanes> Room<L> {
+impl<L: Lanes> Room<L> for Groups<L> {
     fn new(lanes: L, model: &Model) -> Self {
         let zero = LaneDual::lift(lanes, 0.0);
         let n = model.n_velocities();
@@ -76,7 +68,7 @@ impl<L: Lanes> Room<L> {
 
 struct SetAlong<'a, 'm> {
     flight: &'a Flight<'m>,
-    room: &'a mut Option<Box<dyn Any + Send + Sync>>,
+    room: &'a mut Kept,
     q: &'a [f64],
     v: &'a [f64],
     directions: &'a [f64],
@@ -91,13 +83,7 @@ impl Kernel for SetAlong<'_, '_> {
     fn run<L: Lanes>(self, lanes: L) -> bool {
         let Self { flight, room, q, v, directions, count } = self;
         let model = flight.model;
-        let fits = |room: &Box<dyn Any + Send + Sync>| {
-            room.downcast_ref::<Room<L>>().is_some_and(|room| room.is_for(model))
-        };
-        if !room.as_ref().is_some_and(fits) {
-            *room = Some(Box::new(Room::new(lanes, model)));
-        }
-        let Some(room) = room.as_mut().and_then(|room| room.downcast_mut::<Room<L>>()) else { return false };
+        let Some(room) = room.fitting::<L, Groups<L>>(lanes, model) else { return false };
         while room.groups.len() * L::WIDTH < count {
             room.groups.push(FlightTree::new(lanes, model));
         }
@@ -124,7 +110,7 @@ impl Kernel for SetAlong<'_, '_> {
 
 struct Second<'a, 'm> {
     flight: &'a Flight<'m>,
-    room: &'a mut (dyn Any + Send + Sync),
+    room: &'a mut Kept,
     orientation: &'a [f64],
     a: &'a Vector3<f64>,
     directions: &'a [f64],
@@ -138,11 +124,7 @@ impl Kernel for Second<'_, '_> {
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) -> bool {
         let Self { flight, room, orientation, a, directions, rows } = self;
-        let Some(Room { groups, weighted, .. }) =
-            room.downcast_mut::<Room<L>>().filter(|room| room.is_for(flight.model))
-        else {
-            return false;
-        };
+        let Some(Groups { groups, weighted, .. }) = room.existing::<L, _>(flight.model) else { return false };
         let mut lifted = [LaneDual::lift(lanes, 0.0); 4];
         for (to, &x) in lifted.iter_mut().zip(orientation) {
             *to = LaneDual::lift(lanes, x);
@@ -214,8 +196,8 @@ impl Flight<'_> {
         data.directions.clear();
         data.directions.extend_from_slice(directions);
         data.count = count;
-        let FlightSecondDerivatives { instructions, room, directions, .. } = data;
-        if instructions.run(SetAlong { flight: self, room, q, v, directions, count }) {
+        let FlightSecondDerivatives { room: LaneRoom { instructions, kept }, directions, .. } = data;
+        if instructions.run(SetAlong { flight: self, room: kept, q, v, directions, count }) {
             return Ok(());
         }
         data.count = 0;
@@ -240,13 +222,12 @@ impl Flight<'_> {
         rows: &mut [f64],
     ) -> Result<(), DynamicsError> {
         expect_length("orientation", orientation.len(), self.orientation().len())?;
-        let FlightSecondDerivatives { instructions, room, directions, count } = data;
+        let FlightSecondDerivatives { room: LaneRoom { instructions, kept }, directions, count } = data;
         expect_length("rows", rows.len(), *count * (2 * *count + 6))?;
         if *count == 0 {
             return Ok(());
         }
-        let room = room.as_mut().ok_or(DynamicsError::ForeignData)?.as_mut();
-        let second = Second { flight: self, room, orientation, a, directions, rows };
+        let second = Second { flight: self, room: kept, orientation, a, directions, rows };
         if instructions.run(second) { Ok(()) } else { Err(DynamicsError::ForeignData) }
     }
 }

@@ -8,13 +8,13 @@ use super::tree::{FlightTree, Shape};
 use super::{Flight, FlightDerivatives};
 use crate::error::DynamicsError;
 use crate::flight::step::{SHAPE_OF, STAGES, StageRate, StepDerivative, turn};
+use crate::lane_room::{Kept, LaneRoom, Room};
 use crate::many::Rows;
 use crate::model::Model;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use somersault_core::argument::{expect_length, expect_range};
 use somersault_core::lanes::{InstructionSet, Kernel, Lanes, Packed, WIDEST};
 use somersault_core::scalar::Lift;
-use std::any::Any;
 
 /// Shapes of one tree and the workspace to evaluate them, made when it is first used and used repeatedly. A clone has no shapes.
 ///
@@ -36,11 +36,10 @@ use std::any::Any;
 /// })?;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct FlightShapes {
-    instructions: InstructionSet,
-    /// The [`Room`] of the lanes of these instructions.
-    room: Option<Box<dyn Any + Send + Sync>>,
+    /// Of [`Groups`].
+    room: LaneRoom,
     shapes: Vec<Shape<f64>>,
     has_directions: bool,
     /// Numbers of the orientations that steps through the shapes had, at the two stages of each shape.
@@ -63,30 +62,22 @@ fn stage_of(shape: usize, turn: usize, n_steps: usize) -> Option<[usize; 2]> {
     (step < n_steps).then_some([step, stage])
 }
 
-impl Default for FlightShapes {
-    /// With the widest vector instructions of this processor.
-    fn default() -> Self {
-        Self::with_instructions(InstructionSet::detect())
-    }
-}
-
 impl Clone for FlightShapes {
     fn clone(&self) -> Self {
-        Self::with_instructions(self.instructions)
+        Self::with_instructions(self.room.instructions)
     }
 }
 
 impl FlightShapes {
-    /// With chosen vector instructions, which change the duration and not the results.
+    /// With chosen vector instructions in the place of the widest of this processor: they change the duration and not the results.
     pub fn with_instructions(instructions: InstructionSet) -> Self {
-        let orientations = [Vec::new(), Vec::new()];
-        Self { instructions, room: None, shapes: Vec::new(), has_directions: false, orientations }
+        Self { room: LaneRoom::with_instructions(instructions), ..Self::default() }
     }
 }
 
 /// What the shapes in all lanes are evaluated with.
 #[derive(Debug)]
-struct Room<L: Lanes> {
+struct Groups<L: Lanes> {
     /// As many shapes each as there are lanes.
     groups: Vec<FlightTree<Packed<L>>>,
     q: Vec<Packed<L>>,
@@ -97,7 +88,7 @@ struct Room<L: Lanes> {
     alone: [Vec<Vector3<f64>>; 2],
 }
 
-impl<L: Lanes> Room<L> {
+impl<L: Lanes> Room<L> for Groups<L> {
     fn new(lanes: L, model: &Model) -> Self {
         let (n_q, n) = (model.n_positions(), model.n_velocities());
         let n_shape = n - model.velocities_of(0).len();
@@ -142,7 +133,7 @@ fn matrix<L: Lanes>(numbers: &[f64], k: usize, lane: usize) -> Matrix3<f64> {
 
 struct SetShapes<'a, 'm> {
     flight: &'a Flight<'m>,
-    room: &'a mut Option<Box<dyn Any + Send + Sync>>,
+    room: &'a mut Kept,
     count: usize,
     q: Rows<'a>,
     v: Rows<'a>,
@@ -158,13 +149,7 @@ impl Kernel for SetShapes<'_, '_> {
     fn run<L: Lanes>(self, lanes: L) -> bool {
         let Self { flight, room, count, q, v, with_directions, shapes } = self;
         let model = flight.model;
-        let fits = |room: &Box<dyn Any + Send + Sync>| {
-            room.downcast_ref::<Room<L>>().is_some_and(|room| room.is_for(model))
-        };
-        if !room.as_ref().is_some_and(fits) {
-            *room = Some(Box::new(Room::new(lanes, model)));
-        }
-        let Some(room) = room.as_mut().and_then(|room| room.downcast_mut::<Room<L>>()) else { return false };
+        let Some(room) = room.fitting::<L, Groups<L>>(lanes, model) else { return false };
         while room.groups.len() * L::WIDTH < count {
             room.groups.push(FlightTree::new(lanes, model));
         }
@@ -204,7 +189,7 @@ impl Kernel for SetShapes<'_, '_> {
 
 struct Derive<'a, 'm> {
     flight: &'a Flight<'m>,
-    room: &'a mut (dyn Any + Send + Sync),
+    room: &'a mut Kept,
     count: usize,
     orientations: Rows<'a>,
     read: &'a mut dyn FnMut(usize, FlightDerivatives<'_>),
@@ -217,9 +202,7 @@ impl Kernel for Derive<'_, '_> {
     #[inline(always)]
     fn run<L: Lanes>(self, lanes: L) -> bool {
         let Self { flight, room, count, orientations, read } = self;
-        let Some(Room { groups, numbers, alone, .. }) =
-            room.downcast_mut::<Room<L>>().filter(|room| room.is_for(flight.model))
-        else {
+        let Some(Groups { groups, numbers, alone, .. }) = room.existing::<L, _>(flight.model) else {
             return false;
         };
         let mut orientation = [Packed::lift(lanes, 0.0); 4];
@@ -279,7 +262,7 @@ impl Flight<'_> {
     ) -> Result<(), DynamicsError> {
         let (n_q, n) =
             (self.model.n_positions() - self.orientation().end, self.model.n_velocities() - self.n_root());
-        let FlightShapes { instructions, room, shapes, has_directions, orientations } = shapes;
+        let FlightShapes { room, shapes, has_directions, orientations } = shapes;
         shapes.clear();
         expect_range("count", count as f64, "at most 65536", |_| count <= MOST)?;
         let (q, v) = (Rows::of_each("q", q, n_q, count)?, Rows::of_each("v", v, n, count)?);
@@ -289,7 +272,8 @@ impl Flight<'_> {
             orientations.extend(still.iter().cycle().take(still.len() * count));
         }
         *has_directions = with_directions;
-        let set = SetShapes { flight: self, room, count, q, v, with_directions, shapes };
+        let LaneRoom { instructions, kept } = room;
+        let set = SetShapes { flight: self, room: kept, count, q, v, with_directions, shapes };
         if instructions.run(set) {
             return Ok(());
         }
@@ -388,11 +372,13 @@ impl Flight<'_> {
         orientations: &[f64],
         read: &mut dyn FnMut(usize, FlightDerivatives<'_>),
     ) -> Result<(), DynamicsError> {
-        let FlightShapes { instructions, room, shapes, has_directions, .. } = shapes;
+        let FlightShapes { room: LaneRoom { instructions, kept }, shapes, has_directions, .. } = shapes;
+        if !*has_directions {
+            return Err(DynamicsError::ForeignData);
+        }
         let count = shapes.len();
         let orientations = Rows::of_each("orientations", orientations, self.orientation().len(), count)?;
-        let room = room.as_mut().filter(|_| *has_directions).ok_or(DynamicsError::ForeignData)?.as_mut();
-        let derive = Derive { flight: self, room, count, orientations, read };
+        let derive = Derive { flight: self, room: kept, count, orientations, read };
         if instructions.run(derive) { Ok(()) } else { Err(DynamicsError::ForeignData) }
     }
 
