@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from somersault import expr
+from somersault._arguments import _real_numbers
 from somersault._external import ExternalFunction
 from somersault._somersault.expr import CompiledFunction
 from somersault._somersault.ocp import CollocationResult
@@ -373,15 +374,8 @@ def _positive(argument: str, pair: tuple[float, float]) -> tuple[float, float]:
     return pair
 
 
-def _numbers(argument: str, given: Any) -> _Floats:
-    try:
-        return np.asarray(given, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"`{argument}` must be real numbers, found {given!r}") from error
-
-
 def _values(argument: str, given: Any) -> _Floats:
-    values = _numbers(argument, given)
+    values = _real_numbers(argument, given)
     if values.ndim > 1:
         raise InputError(f"`{argument}` must be a number or a list of numbers, found shape {values.shape}")
     return values

@@ -10,6 +10,7 @@ from typing import Any, Literal, cast, overload
 
 import numpy as np
 
+from somersault._arguments import _real_numbers
 from somersault._control_arguments import (
     _FREE,
     _article,
@@ -23,7 +24,6 @@ from somersault._control_arguments import (
     _line,
     _Names,
     _number,
-    _numbers,
     _positive,
     _Range,
     _range,
@@ -648,7 +648,7 @@ class ControlProblem:
         rows = {}
         for name, value in guess.items():
             of, columns = f"{argument}[{name!r}]", {"x": names.states, "u": names.controls}.get(name)
-            values = _numbers(of, value)
+            values = _real_numbers(of, value)
             # a state may be called x, and then one dimension is its own values
             if columns is None or (values.ndim < 2 and name in known):
                 rows[name] = _values(of, values)

@@ -24,6 +24,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from somersault._arguments import _real_numbers
 from somersault._somersault.nlp import solve_program
 from somersault.errors import EvaluationError, InputError
 
@@ -151,9 +152,13 @@ def minimize(
     >>> float(round(found.multipliers["bounds"][0], 4))
     1.0
     """
-    if tol is not None and not 0 < tol < np.inf:
-        raise InputError(f"`tol` must be positive and finite, found {tol}")
+    if not callable(fun):
+        raise InputError(f"`fun` must be callable, found {fun!r}")
+    if tol is not None and not 0 < (size := _real_number("tol", tol)) < np.inf:
+        raise InputError(f"`tol` must be positive and finite, found {size}")
     start, multipliers = _start(x0)
+    if options is not None and not isinstance(options, Mapping):
+        raise InputError(f"`options` must be values by name, found {options!r}")
     given = dict(options or {})
     for name in given:
         if name not in _OPTIONS:
@@ -192,7 +197,7 @@ def minimize(
 def _start(x0: ArrayLike | MinimizeResult) -> tuple[_Vector, tuple[_Vector, _Vector] | None]:
     if isinstance(x0, MinimizeResult):
         return x0.x.copy(), x0._start
-    x = np.atleast_1d(np.asarray(x0, dtype=float)).copy()
+    x = np.atleast_1d(_real_numbers("x0", x0))
     if x.ndim != 1 or not np.isfinite(x).all():
         found = f"shape {x.shape}" if x.ndim != 1 else f"{x[~np.isfinite(x)][0]}"
         raise InputError(f"`x0` must be a vector of finite numbers, found {found}")
@@ -216,14 +221,35 @@ def _bounds(bounds: Any, n: int) -> tuple[_Vector, _Vector]:
     if bounds is None:
         return np.full(n, -np.inf), np.full(n, np.inf)
     if hasattr(bounds, "lb"):
-        pair = np.broadcast_to(bounds.lb, n), np.broadcast_to(bounds.ub, n)
-        return pair[0].astype(float), pair[1].astype(float)
-    pairs = list(bounds)
+        return _limit("bounds.lb", bounds.lb, n), _limit("bounds.ub", bounds.ub, n)
+    try:
+        pairs = [(low, high) for low, high in bounds]
+    except (TypeError, ValueError):
+        raise InputError(f"`bounds` must be pairs of numbers or None, found {bounds!r}") from None
     if len(pairs) != n:
         raise InputError(f"`bounds` must have {n} pairs, found {len(pairs)}")
-    lower = [-np.inf if low is None else float(low) for low, _ in pairs]
-    upper = [np.inf if high is None else float(high) for _, high in pairs]
+    lower = [
+        -np.inf if low is None else _real_number(f"bounds[{k}]", low) for k, (low, _) in enumerate(pairs)
+    ]
+    upper = [
+        np.inf if high is None else _real_number(f"bounds[{k}]", high) for k, (_, high) in enumerate(pairs)
+    ]
     return np.array(lower), np.array(upper)
+
+
+def _real_number(argument: str, given: Any) -> float:
+    number = _real_numbers(argument, given)
+    if number.size != 1:
+        raise InputError(f"`{argument}` must be a real number, found shape {number.shape}")
+    return float(number.item())
+
+
+def _limit(argument: str, given: Any, n: int) -> _Vector:
+    """One bound for each of so many numbers, from as many or from one for all."""
+    limit = _real_numbers(argument, given)
+    if limit.shape not in ((), (1,), (n,)):
+        raise InputError(f"`{argument}` must be a number or {n} of them, found shape {limit.shape}")
+    return np.broadcast_to(limit, n)
 
 
 def _entries(matrix: Any, shape: tuple[int, int]) -> tuple[NDArray[np.intp], NDArray[np.intp], _Vector]:
@@ -433,12 +459,13 @@ class _Program:
         self.rows: list[_Function] = []
         lows, highs = [np.empty(0)], [np.empty(0)]
         for k, constraint in enumerate(_listed(constraints)):
-            function, low, high = _constraint(constraint, f"constraint[{k}]", self.first, limits)
+            place = f"constraint[{k}]"
+            function, low, high = _constraint(constraint, place, self.first, limits)
             if function.name in self.names or function.name == "bounds":
                 raise InputError(f"`constraints` has the name {function.name!r} twice")
             self.rows.append(function)
-            lows.append(np.broadcast_to(np.asarray(low, float), function.size))
-            highs.append(np.broadcast_to(np.asarray(high, float), function.size))
+            lows.append(_limit(f"{place}.lb", low, function.size))
+            highs.append(_limit(f"{place}.ub", high, function.size))
         self.row_bounds = np.concatenate(lows), np.concatenate(highs)
         self.n_rows = self.row_bounds[0].size
         self.offsets = np.cumsum([0, *(function.size for function in self.rows)])
@@ -541,8 +568,11 @@ class _Program:
 
 
 def _listed(constraints: Any) -> Sequence[Any]:
-    single = isinstance(constraints, Mapping) or hasattr(constraints, "lb")
-    return [constraints] if single else list(constraints)
+    if isinstance(constraints, Mapping) or hasattr(constraints, "lb"):
+        return [constraints]
+    if isinstance(constraints, str) or not isinstance(constraints, Iterable):
+        raise InputError(f"`constraints` must be one or several constraints, found {constraints!r}")
+    return list(constraints)
 
 
 def _constraint(
@@ -570,9 +600,8 @@ def _constraint(
         return function, 0.0, 0.0 if kind == "eq" else np.inf
     named = getattr(constraint, "name", name)
     if hasattr(constraint, "A"):
-        matrix = (
-            constraint.A if hasattr(constraint.A, "tocsc") else np.atleast_2d(np.asarray(constraint.A, float))
-        )
+        is_sparse = hasattr(constraint.A, "tocsc")
+        matrix = constraint.A if is_sparse else np.atleast_2d(_real_numbers(f"{name}.A", constraint.A))
         n = first.size
         zero = _Zero(n)
         function = _Function(named, lambda x: matrix @ x, lambda x: matrix, zero, None, first, limits)

@@ -1,0 +1,23 @@
+"""Arguments that must be numbers, for the parts of the package that do not hand them to the extension."""
+
+from __future__ import annotations
+
+import reprlib
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from somersault.errors import InputError
+
+
+def _real_numbers(argument: str, given: Any) -> NDArray[np.float64]:
+    """Numbers in an array of their own, of any shape, which may be NaN or infinite. Text is none."""
+    try:
+        numbers = np.asarray(given)
+        if numbers.dtype.kind in "biufO":
+            return numbers.astype(float)
+    except (TypeError, ValueError):
+        # what has no shape, or holds what is no number
+        pass
+    raise InputError(f"`{argument}` must be real numbers, found {reprlib.repr(given)}")
