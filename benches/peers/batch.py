@@ -18,6 +18,8 @@ BODIES = 10_000
 STEPS = (100, 1000)
 DT = 0.01
 COMPARED = 500
+#: Rounds for each repetition: runs of some milliseconds on all cores scatter by a half.
+ROUNDS = 5
 
 
 def compare(repetitions: int) -> tuple[list[dict[str, object]], str]:
@@ -65,7 +67,7 @@ def compare(repetitions: int) -> tuple[list[dict[str, object]], str]:
             "somersault, objects": lambda t=duration: batch.integrate_batch(bodies, states, (0.0, t), DT),
             "numba RK4, parallel": lambda n=steps: compiled.rk4_batch(moments, start, DT, n),
         }
-        times = interleaved(runs, repetitions, time.perf_counter, pause=0.05)
+        times = interleaved(runs, ROUNDS * repetitions, time.perf_counter, pause=0.05)
         ours = batch.integrate_batch(bodies, states, (0.0, duration), DT).quaternion[-1]
         ends = [
             np.roll(found, 1, axis=1) for found in (moved(duration, steps), moved(duration, fewest), ours)
