@@ -460,8 +460,11 @@ mod x86 {
     #[inline(always)]
     fn align_stack() {
         #[repr(align(64))]
-        struct Place(u8);
-        core::hint::black_box(&Place(0).0);
+        struct Place {
+            // of one byte, or of what a field alone needs, the compiler would keep less than this type asks for
+            _line: [core::mem::MaybeUninit<u8>; 64],
+        }
+        core::hint::black_box(&Place { _line: [core::mem::MaybeUninit::uninit(); 64] });
     }
 
     /// Compiles a kernel for AVX2 with FMA, which the processor must have.
