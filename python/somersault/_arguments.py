@@ -12,12 +12,12 @@ from somersault.errors import InputError
 
 
 def _real_numbers(argument: str, given: Any) -> NDArray[np.float64]:
-    """Numbers in an array of their own, of any shape, which may be NaN or infinite. Text is none."""
+    """A new array of real numbers of any shape; NaN and infinity are allowed, and text is refused."""
     try:
         numbers = np.asarray(given)
         if numbers.dtype.kind in "biufO":
             return numbers.astype(float)
     except (TypeError, ValueError):
-        # what has no shape, or holds what is no number
+        # ragged sequences, and objects that cannot be converted to numbers
         pass
     raise InputError(f"`{argument}` must be real numbers, found {reprlib.repr(given)}")

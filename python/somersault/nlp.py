@@ -228,13 +228,14 @@ def _bounds(bounds: Any, n: int) -> tuple[_Vector, _Vector]:
         raise InputError(f"`bounds` must be pairs of numbers or None, found {bounds!r}") from None
     if len(pairs) != n:
         raise InputError(f"`bounds` must have {n} pairs, found {len(pairs)}")
-    lower = [
-        -np.inf if low is None else _real_number(f"bounds[{k}]", low) for k, (low, _) in enumerate(pairs)
-    ]
-    upper = [
-        np.inf if high is None else _real_number(f"bounds[{k}]", high) for k, (_, high) in enumerate(pairs)
-    ]
+    lower = [_bound(f"bounds[{k}]", low, -np.inf) for k, (low, _) in enumerate(pairs)]
+    upper = [_bound(f"bounds[{k}]", high, np.inf) for k, (_, high) in enumerate(pairs)]
     return np.array(lower), np.array(upper)
+
+
+def _bound(argument: str, given: Any, missing: float) -> float:
+    """A bound as a number; `missing` where it is None."""
+    return missing if given is None else _real_number(argument, given)
 
 
 def _real_number(argument: str, given: Any) -> float:
