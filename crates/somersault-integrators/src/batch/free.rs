@@ -37,8 +37,8 @@
 //! Iserles, Munthe-Kaas, Nørsett and Zanna, *Lie-group methods*, Acta Numerica 9 (2000).
 
 use super::rows::{
-    Row, TILE, advance, apply, apply_transposed, cross, exp, load, one, product, renormalise, rotation,
-    scaled, select, store, sum,
+    Row, TILE, advance, apply, apply_transposed, cross, divided, exp, load, one, product, renormalise,
+    rotation, scaled, select, store, sum,
 };
 use super::{STEPS_PER_LOOK, in_parts, moves};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
@@ -121,9 +121,9 @@ impl Tile {
         parts: [&[(f64, u64); TILE]; PARTS],
         token: &CancellationToken,
     ) {
-        instructions.run(Enter(self));
+        instructions.run(ByVector(self, Enter));
         self.turn(instructions, bodies, parts, token);
-        instructions.run(Leave(self));
+        instructions.run(ByVector(self, Leave));
     }
 
     /// Has the steps of the bodies in the first entries made, by the size and the number of the steps of each: those of `parts[0]`, then
@@ -138,7 +138,7 @@ impl Tile {
         parts: [&[(f64, u64); TILE]; PARTS],
         token: &CancellationToken,
     ) {
-        instructions.run(Ratios(self));
+        instructions.run(ByVector(self, Ratios));
         for part in parts {
             if part[..bodies].iter().all(|(h, steps)| !moves(*h, *steps)) {
                 continue;
@@ -146,7 +146,7 @@ impl Tile {
             for (half, (h, steps)) in self.half_step.0.iter_mut().zip(part) {
                 *half = if moves(*h, *steps) { 0.5 * h } else { 1.0 };
             }
-            instructions.run(Scale(self));
+            instructions.run(ByVector(self, Scale));
             in_parts(part[..bodies].iter().copied(), STEPS_PER_LOOK, token, |next| {
                 self.steps_range = (u64::MAX, 0);
                 for (row, (_, steps)) in self.steps.0.iter_mut().zip(&next[..bodies]) {
@@ -155,7 +155,7 @@ impl Tile {
                 }
                 instructions.run(&mut *self);
             });
-            instructions.run(Unscale(self));
+            instructions.run(ByVector(self, Unscale));
         }
     }
 }
@@ -172,97 +172,90 @@ fn set<const N: usize>(rows: &mut [Row; N], at: usize, x: [f64; N]) {
     }
 }
 
-/// Finds the ratios of the moments.
-struct Ratios<'a>(&'a mut Tile);
+/// What is done to the bodies `at..at + WIDTH` of a tile.
+trait Pass {
+    fn at<L: Lanes>(l: L, tile: &mut Tile, at: usize);
+}
 
-impl Kernel for Ratios<'_> {
+/// A pass over all bodies of a tile.
+struct ByVector<'a, P>(&'a mut Tile, P);
+
+impl<P: Pass> Kernel for ByVector<'_, P> {
     type Output = ();
 
     #[inline(always)]
     fn run<L: Lanes>(self, l: L) {
-        let Self(tile) = self;
         for at in (0..TILE).step_by(L::WIDTH) {
-            let m = load(l, &tile.moments, at);
-            let mut a = [l.splat(0.0); 3];
-            for i in 0..3 {
-                a[i] = l.div(l.sub(m[(i + 1) % 3], m[(i + 2) % 3]), m[i]);
-            }
-            store(l, a, &mut tile.a, at);
-            store(l, scaled(l, l.splat(2.0), a), &mut tile.a_double, at);
-            let three = l.splat(3.0);
-            store(l, [l.div(a[0], three), l.div(a[1], three), l.div(a[2], three)], &mut tile.a_third, at);
+            P::at(l, self.0, at);
         }
+    }
+}
+
+/// Finds the ratios of the moments.
+struct Ratios;
+
+impl Pass for Ratios {
+    #[inline(always)]
+    fn at<L: Lanes>(l: L, tile: &mut Tile, at: usize) {
+        let m = load(l, &tile.moments, at);
+        let mut a = [l.splat(0.0); 3];
+        for i in 0..3 {
+            a[i] = l.div(l.sub(m[(i + 1) % 3], m[(i + 2) % 3]), m[i]);
+        }
+        store(l, a, &mut tile.a, at);
+        store(l, scaled(l, l.splat(2.0), a), &mut tile.a_double, at);
+        store(l, divided(l, a, l.splat(3.0)), &mut tile.a_third, at);
     }
 }
 
 /// Takes the principal frame in the place of the body frame and of the world axes of ω.
-struct Enter<'a>(&'a mut Tile);
+struct Enter;
 
-impl Kernel for Enter<'_> {
-    type Output = ();
-
+impl Pass for Enter {
     #[inline(always)]
-    fn run<L: Lanes>(self, l: L) {
-        let Self(tile) = self;
-        for at in (0..TILE).step_by(L::WIDTH) {
-            let q = product(l, load(l, &tile.q, at), load(l, &tile.axes, at));
-            store(l, q, &mut tile.q, at);
-            let omega = apply_transposed(l, &rotation(l, q), load(l, &tile.v, at));
-            store(l, omega, &mut tile.v, at);
-        }
+    fn at<L: Lanes>(l: L, tile: &mut Tile, at: usize) {
+        let q = product(l, load(l, &tile.q, at), load(l, &tile.axes, at));
+        store(l, q, &mut tile.q, at);
+        let omega = apply_transposed(l, &rotation(l, q), load(l, &tile.v, at));
+        store(l, omega, &mut tile.v, at);
     }
 }
 
 /// The opposite of [`Enter`].
-struct Leave<'a>(&'a mut Tile);
+struct Leave;
 
-impl Kernel for Leave<'_> {
-    type Output = ();
-
+impl Pass for Leave {
     #[inline(always)]
-    fn run<L: Lanes>(self, l: L) {
-        let Self(tile) = self;
-        for at in (0..TILE).step_by(L::WIDTH) {
-            let q = load(l, &tile.q, at);
-            let omega = apply(l, &rotation(l, q), load(l, &tile.v, at));
-            store(l, omega, &mut tile.v, at);
-            let [w, x, y, z] = load(l, &tile.axes, at);
-            let zero = l.splat(0.0);
-            let back = [w, l.sub(zero, x), l.sub(zero, y), l.sub(zero, z)];
-            store(l, product(l, q, back), &mut tile.q, at);
-        }
+    fn at<L: Lanes>(l: L, tile: &mut Tile, at: usize) {
+        let q = load(l, &tile.q, at);
+        let omega = apply(l, &rotation(l, q), load(l, &tile.v, at));
+        store(l, omega, &mut tile.v, at);
+        let [w, x, y, z] = load(l, &tile.axes, at);
+        let zero = l.splat(0.0);
+        let back = [w, l.sub(zero, x), l.sub(zero, y), l.sub(zero, z)];
+        store(l, product(l, q, back), &mut tile.q, at);
     }
 }
 
 /// Takes v = hω/2 in the place of ω.
-struct Scale<'a>(&'a mut Tile);
+struct Scale;
 
-impl Kernel for Scale<'_> {
-    type Output = ();
-
+impl Pass for Scale {
     #[inline(always)]
-    fn run<L: Lanes>(self, l: L) {
-        let Self(tile) = self;
-        for at in (0..TILE).step_by(L::WIDTH) {
-            let v = scaled(l, one(l, &tile.half_step, at), load(l, &tile.v, at));
-            store(l, v, &mut tile.v, at);
-        }
+    fn at<L: Lanes>(l: L, tile: &mut Tile, at: usize) {
+        let v = scaled(l, one(l, &tile.half_step, at), load(l, &tile.v, at));
+        store(l, v, &mut tile.v, at);
     }
 }
 
 /// The opposite of [`Scale`].
-struct Unscale<'a>(&'a mut Tile);
+struct Unscale;
 
-impl Kernel for Unscale<'_> {
-    type Output = ();
-
+impl Pass for Unscale {
     #[inline(always)]
-    fn run<L: Lanes>(self, l: L) {
-        let Self(tile) = self;
-        for at in (0..TILE).step_by(L::WIDTH) {
-            let (half, v) = (one(l, &tile.half_step, at), load(l, &tile.v, at));
-            store(l, [l.div(v[0], half), l.div(v[1], half), l.div(v[2], half)], &mut tile.v, at);
-        }
+    fn at<L: Lanes>(l: L, tile: &mut Tile, at: usize) {
+        let omega = divided(l, load(l, &tile.v, at), one(l, &tile.half_step, at));
+        store(l, omega, &mut tile.v, at);
     }
 }
 

@@ -93,6 +93,12 @@ pub(super) fn scaled<L: Lanes>(l: L, a: L::Vector, x: [L::Vector; 3]) -> [L::Vec
     [l.mul(a, x[0]), l.mul(a, x[1]), l.mul(a, x[2])]
 }
 
+/// x/a
+#[inline(always)]
+pub(super) fn divided<L: Lanes>(l: L, x: [L::Vector; 3], a: L::Vector) -> [L::Vector; 3] {
+    [l.div(x[0], a), l.div(x[1], a), l.div(x[2], a)]
+}
+
 #[inline(always)]
 pub(super) fn dot<L: Lanes>(l: L, x: [L::Vector; 3], y: [L::Vector; 3]) -> L::Vector {
     l.mul_add(x[2], y[2], l.mul_add(x[1], y[1], l.mul(x[0], y[0])))
