@@ -842,6 +842,10 @@ def test_a_law_of_its_own_is_measured_by_its_own_limit() -> None:
         (lambda scene: np.zeros(scene.y0.shape), "it returned a quaternion of length 0"),
         (lambda scene: "ready", "it returned a str, which is no state"),
         (lambda scene: None, "it returned an array of shape (), and a state has (1, 13)"),
+        (
+            lambda scene: (scene.answer, [math.nan]),
+            "it returned times of events that are not finite",
+        ),
     ],
 )
 def test_an_engine_that_fails_says_how(returned: Callable[[Any], Any], message: str) -> None:
@@ -878,6 +882,31 @@ def test_a_derivative_that_fails_leaves_the_rest() -> None:
     report = exam.audit(Sloped(), ["rod", "plate"])
     assert report.engine == "Sloped" and report["rod"].gradient_error == 0.0
     assert "its gradient has shape (3,), and that of the scene (1, 12)" in report["plate"].verdict
+
+
+def test_what_is_right_at_the_end_alone_does_not_agree() -> None:
+    class Engine:
+        """Right but for a factor of its derivatives and a delay of its events, in steps."""
+
+        def __init__(self, factor: float, delay: float) -> None:
+            self.factor, self.delay = factor, delay
+
+        def run(self, scene: exam.ExamScene, dt: float) -> Any:
+            return scene.answer, [t + self.delay * dt for t in scene.events]
+
+        def gradient(self, scene: exam.ExamScene, dt: float) -> Any:
+            return self.factor * scene.gradient
+
+    def found(factor: float, delay: float) -> exam.SceneResult:
+        return exam.audit(Engine(factor, delay), ["hard_bounce"])["hard_bounce"]
+
+    # a time that is that of the end of its step is as right as such times are
+    assert found(1.0, 0.0).status == found(1.0, 0.9).status == "agrees"
+    assert found(1.0, 2.0).status == "differs" and "an event is off by" in found(1.0, 2.0).verdict
+    wrong = found(math.nan, 0.0)
+    assert wrong.status == "differs" and wrong.gradient_error == math.inf
+    assert "the derivative by the start is not finite" in wrong.verdict
+    assert wrong.to_dict()["gradient_error"] is None
 
 
 def test_an_interrupted_audit_keeps_what_it_has() -> None:
@@ -999,6 +1028,12 @@ def test_a_report_is_read_by_people_and_programs(tmp_path: Path) -> None:
         (lambda: exam.scene("rod").rate("free", 0.0, [0.0] * 7), "`y` must have 13 numbers, found 7 of them"),
         (lambda: exam.scene("rod").rate("free", 0.0, 1.0), "`y` must have 13 numbers, found a float"),
         (lambda: exam.audit(euler, ["top"]), "`scenes` must be among middle_axis"),
+        (
+            lambda: exam.audit(euler, "rods"),
+            "`scenes` must be 'rotation', 'contact' or a sequence of scenes, found 'rods'",
+        ),
+        (lambda: exam.audit(euler, np.array(1.0)), "`scenes` must be names, scenes or the name of a group"),
+        (lambda: exam.audit(euler, ["rod"], name=np.zeros(2)), "`name` must be a text, found a ndarray"),
         (lambda: exam.audit(euler, 3), "`scenes` must be names, scenes or the name of a group, found a int"),
         (
             lambda: exam.audit(euler, [exam.scene("rod").varied(0.1)]),

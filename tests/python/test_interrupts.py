@@ -5,10 +5,12 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 
+import numpy as np
 import pytest
 
-from somersault import RigidBody, State, integrate
+from somersault import RigidBody, State, batch, exact, integrate
 
 SCRIPT = """
 import signal; signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in background shells
@@ -68,6 +70,52 @@ class TestInterrupts:
         assert float(fields[4]) > 0.0
         assert fields[5].startswith("interrupted at t = ")
         assert seconds < 1.0
+
+
+def _many_times(name: str) -> Callable[[], object]:
+    """A call of some tenths of a second, of many parts that take microseconds each."""
+    body, start = RigidBody.box(1.0, (0.2, 0.4, 0.6)), State(angular_velocity=(1.0, 2.0, 3.0))
+    times = np.linspace(0.0, 10.0, 400_000)
+    if name == "dense output":
+        motion = integrate(body, start, (0.0, 10.0), dt=0.01, method="rkmk5", dense_output=True)
+        return lambda: motion.sol(times)
+    if name == "exact.FreeBody":
+        free = exact.FreeBody(body, start)
+        return lambda: free(times)
+    if name == "exact.Gyrostat":
+        gyrostat = exact.Gyrostat(body, (0.1, 0.2, 0.3), start)
+        return lambda: gyrostat(times)
+    bodies = 64
+    moments, still = np.tile([1.0, 2.0, 2.5], (bodies, 1)), np.tile([0.0, 0.0, 0.0, 1.0], (bodies, 1))
+    rates = np.random.default_rng(1).normal(size=(bodies, 3))
+    return lambda: batch.integrate_arrays(
+        moments, still, rates, (0.0, 400.0), 2e-3, t_eval=np.linspace(0.0, 400.0, 4000)
+    )
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there are no timers of this kind")
+@pytest.mark.parametrize(
+    "name", ["dense output", "exact.FreeBody", "exact.Gyrostat", "batch.integrate_arrays"]
+)
+def test_many_short_parts_are_interrupted(name: str) -> None:
+    call = _many_times(name)
+    began = time.monotonic()
+    call()
+    whole = time.monotonic() - began
+
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGALRM, stop)
+    try:
+        began = time.monotonic()
+        with pytest.raises(KeyboardInterrupt):
+            signal.setitimer(signal.ITIMER_REAL, 0.1 * whole)
+            call()
+        assert time.monotonic() - began < 0.7 * whole + 0.05
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
 
 
 def test_other_threads_run_meanwhile() -> None:

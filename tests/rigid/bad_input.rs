@@ -121,6 +121,12 @@ fn adaptive_settings() {
     assert_eq!(wrong(Adaptive::with_tolerances(1e-9, f64::NAN)), "absolute");
     assert_eq!(wrong(Adaptive { first_step: Some(-1.0), ..Adaptive::default() }), "first_step");
     assert_eq!(wrong(Adaptive { max_step: f64::NAN, ..Adaptive::default() }), "max_step");
+    let still = |control| match adapt(method, (1.0, 2.0), control) {
+        Err(IntegrateError::Argument(ArgumentError::OutOfRange { argument, found, .. })) => (argument, found),
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(still(Adaptive { first_step: Some(1e-17), ..Adaptive::default() }), ("first_step", 1e-17));
+    assert_eq!(still(Adaptive { max_step: 1e-17, ..Adaptive::default() }), ("max_step", 1e-17));
     assert!(matches!(adapt(method, (1.0, 0.0), Adaptive::default()), Err(IntegrateError::Interval { .. })));
     assert!(matches!(
         adapt(method, (0.0, 1e6), Adaptive { max_steps: 10, ..Adaptive::default() }),

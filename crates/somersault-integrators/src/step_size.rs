@@ -60,6 +60,17 @@ impl Adaptive {
             }))
         }
     }
+
+    /// Whether steps so small move a run on from a time.
+    fn check_at(&self, t: f64) -> Result<(), IntegrateError> {
+        for (argument, h) in [("first_step", self.first_step), ("max_step", Some(self.max_step))] {
+            if let Some(found) = h.filter(|h| t + h == t && t - h == t) {
+                let allowed = "large enough to change the time at which the run begins";
+                return Err(ArgumentError::OutOfRange { argument, allowed, found }.into());
+            }
+        }
+        Ok(())
+    }
 }
 
 /// The control at work: proposes steps and judges them by their errors.
@@ -81,7 +92,7 @@ pub struct StepSizeControl {
 impl StepSizeControl {
     /// The control of a run by a method from a state.
     ///
-    /// Errors: settings that are not positive.
+    /// Errors: settings that are not positive, and steps that do not change the time `t`.
     pub fn try_new<S: System>(
         settings: &Adaptive,
         method: &MethodInfo,
@@ -90,6 +101,7 @@ impl StepSizeControl {
         x: &StateOf<S>,
     ) -> Result<Self, IntegrateError> {
         settings.check()?;
+        settings.check_at(t)?;
         let mut control = Self {
             settings: *settings,
             order: f64::from(method.error_power()),

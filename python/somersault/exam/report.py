@@ -79,7 +79,8 @@ class SceneResult:
     event_error : float
         Largest error of their times, s; NaN unless all were reported.
     gradient_error : float
-        Relative error of the derivative of the end by the scene's parameter; NaN where it was not measured.
+        Relative error of the derivative of the end by the scene's parameter; NaN where it was not measured,
+        infinite where the engine gave numbers that are not finite.
     condition : float
         How much an error at the start grows.
     """
@@ -302,6 +303,8 @@ def audit(
     ladder = None if steps is None else _steps(steps)
     if not (isinstance(tol, int | float) and 0.0 < tol < math.inf):
         raise InputError(f"`tol` must be positive and finite, found {tol!r}")
+    if not isinstance(name, str | None):
+        raise InputError(f"`name` must be a text, found a {type(name).__name__}")
     label = name or getattr(engine, "name", None) or getattr(engine, "__name__", type(engine).__name__)
     versions = {"somersault": somersault.__version__, **dict(getattr(engine, "versions", {}))}
     results: list[SceneResult] = []
@@ -315,15 +318,21 @@ def audit(
 
 
 def _scenes(given: Iterable[str | ExamScene] | str | None) -> list[ExamScene]:
-    if given is None or isinstance(given, str):
-        return list(scenes(given))
-    if not isinstance(given, Iterable):
+    if given is None:
+        return list(scenes())
+    if isinstance(given, str):
+        if given in ("rotation", "contact"):
+            return list(scenes(given))
+        raise InputError(f"`scenes` must be 'rotation', 'contact' or a sequence of scenes, found {given!r}")
+    try:
+        listed = tuple(given)
+    except TypeError:
         raise InputError(
             f"`scenes` must be names, scenes or the name of a group, found a {type(given).__name__}"
-        )
+        ) from None
     known = {each.name: each for each in scenes()}
     found = []
-    for each in given:
+    for each in listed:
         if not isinstance(each, ExamScene) and (not isinstance(each, str) or each not in known):
             raise InputError(f"`scenes` must be among {', '.join(known)}; found {each!r}")
         asked = known[each] if isinstance(each, str) else each
@@ -425,6 +434,8 @@ def _ended(returned: Any, scene: ExamScene) -> tuple[Array, tuple[float, ...] | 
     if isinstance(returned, tuple) and len(returned) == 2 and not isinstance(returned[1], State):
         returned, times = returned
         events = None if times is None else tuple(float(t) for t in times)
+        if events is not None and not all(map(math.isfinite, events)):
+            raise _Refused("it returned times of events that are not finite")
     if isinstance(returned, State):
         returned = [returned]
     if isinstance(returned, Sequence) and returned and all(isinstance(each, State) for each in returned):
@@ -506,6 +517,8 @@ def _gradient_error(engine: Engine, run: Callable[..., Any], scene: ExamScene, s
             _ended(run(scene.varied(by), step), scene)[0] for by in (-scene.variation, scene.variation)
         )
         found = np.array([_difference(a, b) for a, b in zip(less, more, strict=True)]) / (2 * scene.variation)
+    if not np.all(np.isfinite(found)):
+        return math.inf
     return float(np.linalg.norm(found - exact) / max(1.0, float(np.linalg.norm(exact))))
 
 
@@ -529,7 +542,9 @@ def _judged(
     allowed = tol * max(1.0, scene.condition)
     first, last = (max(errors[k] for errors in found.errors.values()) for k in (0, -1))
     missed = found.events is not None and found.events[0] != found.events[1]
-    slope_wrong = slopes[-1] > _GRADIENT and slopes[-1] > 0.7 * slopes[0]
+    slope_wrong = math.isinf(slopes[-1]) or (slopes[-1] > _GRADIENT and slopes[-1] > 0.7 * slopes[0])
+    # a time that is reported of a step is right to that step
+    late = found.event_error > max(allowed, 0.0 if by_tolerance else found.steps[-1])
     reasons = [_of_order(found, scene, own, last <= allowed)]
     if own:
         status = "own law"
@@ -537,7 +552,7 @@ def _judged(
             f"{own}: within {last:.1e} of its own limit, which is {_measure(found.distance)} from the answer"
         )
     elif last <= allowed:
-        status = "differs" if missed or slope_wrong else "agrees"
+        status = "differs" if missed or late or slope_wrong else "agrees"
         reasons.append(f"within {last:.1e} of the answer")
     elif last < 0.7 * first and not missed:
         status = "converges"
@@ -551,7 +566,9 @@ def _judged(
         if found.event_error > allowed and status != "converges":
             reasons.append(f"an event is off by {found.event_error:.1e} s")
         if slope_wrong and (last <= allowed or missed):
-            reasons.append(f"the derivative by the start is off by {found.gradient_error:.2g} of itself")
+            is_finite = math.isfinite(found.gradient_error)
+            off = f"off by {found.gradient_error:.2g} of itself" if is_finite else "not finite"
+            reasons.append(f"the derivative by the start is {off}")
         at = f"a tolerance of {found.steps[0]:g}" if by_tolerance else f"a step of {found.steps[0]:g} s"
         for what, drift in found.drift.items():
             if abs(drift) > _DRIFT:

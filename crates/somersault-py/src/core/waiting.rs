@@ -231,6 +231,22 @@ pub(crate) fn with_solution<'py>(py: Python<'py>, error: PyErr, found: impl Into
     error.into()
 }
 
+/// Items that are worked through between two looks for signals, at some microseconds each.
+const ITEMS_PER_LOOK: usize = 1 << 12;
+
+/// Works through items in turn, without the interpreter, and looks for signals every few milliseconds.
+pub(crate) fn in_turn<T: Sync>(
+    py: Python<'_>,
+    items: &[T],
+    mut work: impl FnMut(&T) -> Result<(), Error> + Send,
+) -> Result<(), Error> {
+    for part in items.chunks(ITEMS_PER_LOOK) {
+        py.detach(|| part.iter().try_for_each(&mut work))?;
+        py.check_signals()?;
+    }
+    Ok(())
+}
+
 /// The clock of those that look for signals themselves, between parts of their work.
 pub(crate) struct SignalTimer(Instant);
 

@@ -426,20 +426,21 @@ impl Batch {
     ) -> Result<Vec<RigidBodyState>, Error> {
         let (n, mut now) = (members.len(), self.interval[0]);
         kept.reserve_exact(self.times.len().saturating_sub(1) * n);
-        for (k, &t) in self.times.iter().enumerate() {
-            if k > 0 {
-                kept.extend_from_within((k - 1) * n..);
+        // one call for all times: each of many may end before anyone looks for signals
+        cancel_on_signal(py, |token| {
+            for (k, &t) in self.times.iter().enumerate() {
+                if k > 0 {
+                    kept.extend_from_within((k - 1) * n..);
+                }
+                if t != now {
+                    let grids = grids(now, t, members.iter().map(|&i| dt[i]))?;
+                    let moved = advance(&grids, &mut kept[k * n..], token);
+                    moved.map_err(|error| error.among(members))?;
+                    now = t;
+                }
             }
-            if t != now {
-                let grids = grids(now, t, members.iter().map(|&i| dt[i]))?;
-                let states = &mut kept[k * n..];
-                cancel_on_signal(py, |token| {
-                    advance(&grids, states, token).map_err(|error| error.among(members))
-                })?;
-                now = t;
-            }
-        }
-        Ok(kept)
+            Ok::<_, Error>(kept)
+        })
     }
 
     /// Some of the bodies by adapted steps in vector lanes.

@@ -2,7 +2,9 @@
 
 use crate::core::convert::{finite, times, vector, vector_array};
 use crate::core::error::Error;
+use crate::core::memory::expect_room;
 use crate::core::value::{Pickled, by_class};
+use crate::core::waiting::in_turn;
 use crate::integrators::bodies::{RigidBody, State};
 use crate::integrators::trajectory::{Bodies, Cast, Trajectory};
 use pyo3::prelude::*;
@@ -19,7 +21,9 @@ fn states_at<'py>(
     motion: impl Fn(f64) -> Result<RigidBodyState, Error> + Sync,
 ) -> Result<Bound<'py, PyAny>, Error> {
     let (scalar, times) = times("t", t)?;
-    let states = py.detach(|| times.iter().map(|t| motion(*t)).collect::<Result<Vec<_>, _>>())?;
+    expect_room("the states at `t`", size_of::<RigidBodyState>().saturating_mul(times.len()))?;
+    let mut states = Vec::with_capacity(times.len());
+    in_turn(py, &times, |t| motion(*t).map(|x| states.push(x)))?;
     if scalar {
         return Ok(Bound::new(py, State(states[0]))?.into_any());
     }

@@ -4,7 +4,9 @@ use crate::contact::touches::Touches;
 use crate::core::callable::Failure;
 use crate::core::convert::{a_type, any_vectors, array, components, quaternions, rotation, sequence, times};
 use crate::core::error::Error;
+use crate::core::memory::expect_room;
 use crate::core::value::{Pickled, by_restore, value};
+use crate::core::waiting::in_turn;
 use crate::integrators::bodies::{RigidBody, State};
 use crate::integrators::event::{Event, Events};
 use crate::integrators::forces::models::Reader;
@@ -428,22 +430,24 @@ impl DenseOutput {
     #[pyo3(signature = (t, /))]
     fn __call__<'py>(&self, py: Python<'py>, t: &Bound<'py, PyAny>) -> Result<Bound<'py, PyAny>, Error> {
         let (scalar, times) = times("t", t)?;
-        let mut states = Vec::with_capacity(times.len() * self.cast.bodies.len());
-        for t in &times {
+        let count = times.len().saturating_mul(self.cast.bodies.len());
+        expect_room("the states at `t`", count.saturating_mul(size_of::<RigidBodyState>()))?;
+        let mut states = Vec::with_capacity(count);
+        in_turn(py, &times, |t| {
             let found = match &*self.curves {
                 Curves::One(s) => s.at(*t).map(|x| states.push(x)),
                 Curves::Several(s) => {
                     s.at(*t).map(|x| states.extend((0..x.configuration.len()).filter_map(|i| x.body(i))))
                 }
             };
-            if found.is_none() {
-                return Err(Error::input(format!(
+            found.ok_or_else(|| {
+                Error::input(format!(
                     "`t` must be within the times integrated, {} to {}, found {t}",
                     self.t_min(),
                     self.t_max()
-                )));
-            }
-        }
+                ))
+            })
+        })?;
         let trajectory = Trajectory::new(self.cast.clone(), times, states);
         if scalar { Ok(trajectory.state(py, 0)?) } else { Ok(Bound::new(py, trajectory)?.into_any()) }
     }
