@@ -61,7 +61,7 @@ impl Adaptive {
         }
     }
 
-    /// Whether steps so small move a run on from a time.
+    /// Refuses a first or largest step that is too small to change the time `t`, at which a run begins.
     fn check_at(&self, t: f64) -> Result<(), IntegrateError> {
         for (argument, h) in [("first_step", self.first_step), ("max_step", Some(self.max_step))] {
             if let Some(found) = h.filter(|h| t + h == t && t - h == t) {

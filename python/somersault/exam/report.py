@@ -103,7 +103,7 @@ class SceneResult:
         return f"<SceneResult {self.scene}: {self.status}, {_short(self.verdict, 120)}>"
 
     def to_dict(self) -> dict[str, Any]:
-        """The result as dictionaries, lists, numbers and texts, for JSON; NaN is None.
+        """The result as dictionaries, lists, numbers and texts, for JSON; NaN and infinity are None.
 
         Examples
         --------
@@ -180,7 +180,7 @@ class ExamReport:
         return "\n".join(lines)
 
     def to_dict(self) -> dict[str, Any]:
-        """The report as dictionaries, lists, numbers and texts, for JSON; NaN is None.
+        """The report as dictionaries, lists, numbers and texts, for JSON; NaN and infinity are None.
 
         Examples
         --------
@@ -543,7 +543,7 @@ def _judged(
     first, last = (max(errors[k] for errors in found.errors.values()) for k in (0, -1))
     missed = found.events is not None and found.events[0] != found.events[1]
     slope_wrong = math.isinf(slopes[-1]) or (slopes[-1] > _GRADIENT and slopes[-1] > 0.7 * slopes[0])
-    # a time that is reported of a step is right to that step
+    # an engine may report the end of the step in which an event fell
     late = found.event_error > max(allowed, 0.0 if by_tolerance else found.steps[-1])
     reasons = [_of_order(found, scene, own, last <= allowed)]
     if own:
