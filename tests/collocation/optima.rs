@@ -338,6 +338,22 @@ fn bryson_and_denhams_problem_costs_4_below_a_ceiling_of_a_ninth() {
     assert!(report.confirmation.max_violation() < 1e-4, "violation {}", report.confirmation.max_violation());
 }
 
+/// Where the ceiling begins to act the polynomial through its multipliers changes its sign between the points; a floor far below, which
+/// the motion never reaches, is not what it is of.
+#[test]
+fn a_floor_that_is_never_reached_changes_nothing() {
+    let solved = |heights: Interval| {
+        let phase = Phase::new(DoubleIntegrator, Timed(0.0))
+            .initial_state([0.0, 1.0])
+            .final_state([0.0, -1.0])
+            .state_bounds([heights, Interval::FREE]);
+        solve(phase, uniform(20, 3), 1e-6)
+    };
+    let [alone, with_floor] = [Interval::at_most(1.0 / 9.0), Interval::new(-1.0, 1.0 / 9.0)].map(solved);
+    assert!((alone.cost - 4.0).abs() < 1e-6 && alone.history.len() == with_floor.history.len());
+    assert!((with_floor.cost - alone.cost).abs() < 1e-9, "{} {}", alone.cost, with_floor.cost);
+}
+
 /// Constant speed in the plane, the direction is the control.
 struct Walk;
 

@@ -147,7 +147,9 @@ struct Scratch {
     slope: Vec<f64>,
     costate_slope: Vec<f64>,
     path_multiplier: Vec<f64>,
-    state_multiplier: Vec<f64>,
+    /// Multipliers of the upper and of the lower bounds of states and path constraints.
+    above: Vec<f64>,
+    below: Vec<f64>,
     weights: Vec<f64>,
     bend: Vec<f64>,
 }
@@ -188,7 +190,8 @@ pub(super) fn optimality(
         slope: vec![0.0; sizes.states],
         costate_slope: vec![0.0; sizes.states],
         path_multiplier: vec![0.0; n_path],
-        state_multiplier: vec![0.0; sizes.states],
+        above: vec![0.0; n_rows],
+        below: vec![0.0; n_rows],
         weights: vec![0.0; 1 + n_path],
         bend: vec![0.0; sizes.controls],
     };
@@ -261,8 +264,13 @@ pub(super) fn optimality(
             let basis = control_basis;
             combine_columns(&slopes, basis, &mut scratch.slope);
             combine_columns(&costate_slopes, basis, &mut scratch.costate_slope);
-            combine(&solution.path_multipliers[interval.first..], basis, &mut scratch.path_multiplier);
-            combine(&densities, basis, &mut scratch.state_multiplier);
+            let path_multipliers = &solution.path_multipliers[interval.first..];
+            combine(path_multipliers, basis, &mut scratch.path_multiplier);
+            for (out, sign) in [(&mut scratch.above, 1.0), (&mut scratch.below, -1.0)] {
+                let (of_states, of_path) = out.split_at_mut(sizes.states);
+                combine_part(&densities, basis, sign, of_states);
+                combine_part(path_multipliers, basis, sign, of_path);
+            }
             let time = sizes.point() - 1;
             is_autonomous &=
                 scratch.rates_by.column(time).amax() == 0.0 && scratch.path_by.column(time).amax() == 0.0;
@@ -324,6 +332,15 @@ pub(super) fn optimality(
 
 fn matrix(rows: &[Vec<f64>]) -> DMatrix<f64> {
     DMatrix::from_fn(rows.len(), rows[0].len(), |i, j| rows[i][j])
+}
+
+/// The positive part of Σ basisᵢ (the positive part of sign · rowᵢ): each bound has multipliers of one sign, and a polynomial through them
+/// that changes its sign, as it does where a bound begins to act between points, says nothing of the bound on the other side.
+fn combine_part(rows: &[Vec<f64>], basis: &[f64], sign: f64, out: &mut [f64]) {
+    out.iter_mut().enumerate().for_each(|(j, out)| {
+        let sum: f64 = rows.iter().zip(basis).map(|(row, b)| b * (sign * row[j]).max(0.0)).sum();
+        *out = sum.max(0.0);
+    });
 }
 
 /// out = Σ basisᵢ rowᵢ.
@@ -392,9 +409,14 @@ impl Scratch {
 
     /// What the multipliers of bounds of states and of path constraints do where these are not at their bounds.
     fn slackness(&self, phase: &Phase) -> f64 {
-        let states = self.state_multiplier.iter().zip(&self.arguments).zip(&phase.bounds.state);
-        let path = self.path_multiplier.iter().zip(&self.path[1..]).zip(&phase.bounds.path);
-        states.chain(path).map(|((multiplier, x), bound)| product(*multiplier, *x, bound)).sum()
+        let states = self.arguments.iter().zip(&phase.bounds.state);
+        let rows = states.chain(self.path[1..].iter().zip(&phase.bounds.path));
+        let multipliers = self.above.iter().zip(&self.below);
+        rows.zip(multipliers)
+            .map(|((x, bound), (above, below))| {
+                product(*above, bound.upper - x) + product(*below, x - bound.lower)
+            })
+            .sum()
     }
 
     /// What other controls within their bounds would take off H, each for itself, with H a parabola.
@@ -418,9 +440,8 @@ impl Scratch {
 }
 
 /// A multiplier times the distance from its bound.
-fn product(multiplier: f64, x: f64, bound: &Interval) -> f64 {
-    let distance = if multiplier > 0.0 { bound.upper - x } else { x - bound.lower };
-    if distance.is_finite() { multiplier.abs() * distance.max(0.0) } else { 0.0 }
+fn product(multiplier: f64, distance: f64) -> f64 {
+    if distance.is_finite() { multiplier * distance.max(0.0) } else { 0.0 }
 }
 
 /// Whether a bound begins or ceases to act between the last point before an interval and the first after it.
