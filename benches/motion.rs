@@ -3,7 +3,8 @@
 //! `cargo bench --bench motion`. Fits: 60 frames of the planar and of the spatial diver, who fold with a
 //! somersault, seen by 20 markers with 5 mm of noise; with postures to start from and without;
 //! with a robust loss; with one marker in five missing. Validations: scores of 40 and 80 motions of four joints, each left out, with 100
-//! resamples and shuffles, by each regression. Inertia: 200 attitudes of a tumble with 0.01 rad of noise.
+//! resamples and shuffles, by each regression. Inertia: 200 attitudes of a tumble with 0.01 rad of noise. Smooth motions: the frames and
+//! markers of the fits, with the noise estimated or given.
 //!
 //! `make bench-peers` puts the components beside NumPy's singular values of the same matrix.
 
@@ -21,6 +22,7 @@ use somersault::motion::recording::MarkerRecording;
 use somersault::motion::scoring::{
     Performance, RegressionMethod, ScoringOptions, ValidationOptions, validate,
 };
+use somersault::motion::smoothing::{MarkerNoise, MotionSmoother, SmoothingOptions};
 use somersault::motion::synthetic::{Perturbation, SyntheticFlight, synthetic_markers};
 use somersault::multibody::Model;
 use somersault::multibody::models::{Diver, Posture};
@@ -169,5 +171,25 @@ fn inertia(c: &mut Criterion) {
     });
 }
 
-criterion_group!(benches, fits, components, synthetic, validations, inertia);
+/// With the noise and its correlation estimated, and with white noise that is given.
+fn smoothed(c: &mut Criterion) {
+    let mut group = c.benchmark_group("smooth motion of 60 frames x 20 markers");
+    group.sample_size(10);
+    for (name, diver) in [("planar", Diver::planar()), ("spatial", Diver::spatial())] {
+        let model = diver.model().expect("valid");
+        let (set, (times, positions)) = (markers(&model), motion(&diver));
+        let seen = synthetic_markers(&model, &set, &times, &positions, 0.005, 1).expect("of the model");
+        for (variant, noise) in [("noise estimated", None), ("noise given", Some(MarkerNoise::white(0.005)))]
+        {
+            let options = SmoothingOptions { noise, ..SmoothingOptions::default() };
+            let smoother = MotionSmoother::try_new(&model, set.clone(), options).expect("valid");
+            group.bench_function(format!("{name}, {variant}"), |b| {
+                b.iter(|| smoother.smooth(black_box(&seen)).expect("common markers").iterations)
+            });
+        }
+    }
+    group.finish();
+}
+
+criterion_group!(benches, fits, components, synthetic, validations, inertia, smoothed);
 criterion_main!(benches);

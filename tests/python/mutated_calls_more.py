@@ -670,6 +670,15 @@ fallen = motion.reconstruct_flight(
     scale=1.0,
     interval=(0.0, 1.0),
 )
+motion.smooth_motion(
+    paired_centres,
+    motion.MarkerRecording(places.names, places.times, blurred),
+    scale=1.0,
+    threshold=4.0,
+    noise=(0.005, 0.1, 0.1),
+    freedom=3.0,
+    max_iterations=2,
+)
 motion.what_if(
     fallen,
     opening=0.0,

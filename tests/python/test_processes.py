@@ -255,6 +255,8 @@ def test_so_are_those_of_the_command_line(tmp_path: Any) -> None:
 
 
 #: Calls that take long, and end on Ctrl-C.
+POSTURE = multibody.diver_spatial().configuration("A")
+CENTRES = motion.MarkerSet.joint_centres(multibody.diver_spatial().model)
 LONG = {
     "search of the pendulum": "ocp.CartPendulumProblem().search(20000)",
     "search of a dive": "ocp.dive_107b().search(20000)",
@@ -265,6 +267,7 @@ LONG = {
     "work": "studies.work_precision(studies.Problem.case(1), 'rkmk', [1e-8])",
     "derivatives": "contact.differentiate(top.body, top.state, (0, 1e3), dt=1e-5, contacts=top.contacts)",
     "spectrum": "ftla.VariationalFlow(ftla.arm()).spectrum([-1.5, 0.05, 0, 0, -0.2, -0.01, -1.3, -0.1], 1e6)",
+    "smoothing": "motion.smooth_motion(CENTRES, STILL)",
     "components": "motion.Pca(np.random.default_rng(0).normal(size=(3000, 3000)))",
     "rows": "diver.mass_matrix(np.zeros((10**5, diver.n_positions)) + diver.neutral())",
     "batch": "somersault.batch.integrate_batch(BODY, [START] * 2000, (0.0, 100.0), 1e-4)",
@@ -289,6 +292,7 @@ def test_ctrl_c_ends_every_long_call_within_half_a_second(what: str, monkeypatch
         **{"ftla": ftla, "motion": motion, "multibody": multibody, "BODY": BODY, "START": START},
         "GRADIENT": GRADIENT,
         **{"top": contact.spinning_top(), "diver": multibody.diver_spatial().model},
+        **{"CENTRES": CENTRES, "STILL": motion.place_markers(CENTRES, np.arange(600) / 100, [POSTURE] * 600)},
     }
     sent: list[float] = []
 

@@ -218,6 +218,14 @@ def reconstructed() -> motion.ReconstructedFlight:
 
 
 @cache
+def smoothed() -> motion.SmoothedMotion:
+    t = np.linspace(0.0, 0.4, 21)
+    q = np.tile(multibody.diver_planar().configuration("A"), (21, 1))
+    markers = motion.MarkerSet.joint_centres(multibody.diver_planar().model)
+    return motion.smooth_motion(markers, motion.place_markers(markers, t, q), noise=0.01, scale=1.0)
+
+
+@cache
 def tumbled() -> motion.InertiaEstimate:
     body = somersault.RigidBody(1.0, (1.0, 2.0, 2.5))
     tumble = somersault.exact.FreeBody(body, somersault.State(angular_velocity=(0.3, 1.0, 0.4)))
@@ -418,6 +426,7 @@ MADE: dict[str, Callable[[], Any]] = {
     "MarkerSet": lambda: motion.MarkerSet.joint_centres(ARM),
     "MotionFit": fit,
     "ReconstructedFlight": reconstructed,
+    "SmoothedMotion": smoothed,
     "Pca": lambda: motion.Pca(np.eye(3)),
     "Performance": lambda: dives().performances()[0],
     "Perturbation": lambda: motion.Perturbation(exit_delay=1 / 300, looseness=1 / 7, wobble=1 / 3),

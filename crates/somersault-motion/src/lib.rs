@@ -13,6 +13,7 @@
 //! | gaps, resampling, joint centres | [`recording`] | 4.1.1 |
 //! | markers → scale, pose, joint angles or eigenweights of a model | [`fit`] | 4.2 |
 //! | heights, markers → take-off and entry | [`phases`] | – |
+//! | markers of any motion → a smooth motion with velocities and accelerations | [`smoothing`] | – |
 //! | markers of a flight → momentum and motion that obey the laws of flight | [`reconstruction`] | – |
 //! | a reconstructed flight → dive number and figures, with intervals | [`identification`] | – |
 //! | a reconstructed flight flown again with a change → advice for the entry | [`advice`] | – |
@@ -36,6 +37,7 @@
 pub mod advice;
 pub mod analysis;
 pub mod fit;
+mod frame_fits;
 pub mod identification;
 pub mod inertia;
 pub mod judged;
@@ -45,6 +47,7 @@ pub mod readers;
 pub mod reconstruction;
 pub mod recording;
 pub mod scoring;
+pub mod smoothing;
 pub mod synthetic;
 pub mod writers;
 

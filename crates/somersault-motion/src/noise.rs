@@ -93,8 +93,66 @@ pub(crate) fn standard_normal(rng: &mut impl Rng) -> f64 {
     (-2.0 * (1.0 - u).ln()).sqrt() * (std::f64::consts::TAU * turn).cos()
 }
 
+/// The noise of a recording with frames at `times` that has the least −2 ln of the evidence, which is given with the size at which it is
+/// least: by a search over the fraction that is correlated and its time, from `from`.
+pub(crate) fn most_likely<E>(
+    from: MarkerNoise,
+    times: &[f64],
+    evidence: &mut dyn FnMut(MarkerNoise) -> Result<(f64, f64), E>,
+) -> Result<MarkerNoise, E> {
+    let duration = times[times.len() - 1] - times[0];
+    let (spacing, longest) = (duration / (times.len() - 1) as f64, duration / 3.0);
+    let of = |[share, time]: [f64; 2], size: f64| MarkerNoise {
+        size,
+        correlated: 1.0 / (1.0 + (-share).exp()),
+        time: time.exp().clamp(spacing, longest.max(spacing)),
+    };
+    let begun = if from.correlated > 0.0 { from } else { MarkerNoise { correlated: 0.5, time: 0.1, ..from } };
+    let share = begun.correlated.clamp(0.01, 0.99);
+    let mut best = [(share / (1.0 - share)).ln(), begun.time.ln()];
+    let mut found = evidence(of(best, from.size))?;
+    let mut step = if from.correlated > 0.0 { [0.5, 0.35] } else { [1.5, 0.8] };
+    while step[0] > 0.3 {
+        let mut moved = false;
+        for k in 0..2 {
+            for sign in [1.0, -1.0] {
+                let mut trial = best;
+                trial[k] += sign * step[k];
+                if trial[0].abs() > 6.0 || (trial[1] < spacing.ln() - 0.1 || trial[1] > longest.ln()) {
+                    continue;
+                }
+                let of_trial = evidence(of(trial, found.1))?;
+                if of_trial.0 < found.0 {
+                    (best, found, moved) = (trial, of_trial, true);
+                    break;
+                }
+            }
+        }
+        if !moved {
+            step = step.map(|x| 0.5 * x);
+        }
+    }
+    Ok(of(best, found.1))
+}
+
+/// The least of `value`, a function of the logarithm of the size, near `size`, and where it is: at the vertex of a parabola through
+/// three values.
+pub(crate) fn most_likely_size(size: f64, mut value: impl FnMut(f64) -> f64) -> (f64, f64) {
+    let middle = size.ln();
+    let [a, b, c] = [value(middle - WIDTH), value(middle), value(middle + WIDTH)];
+    let bend = a - 2.0 * b + c;
+    if bend <= 0.0 || !bend.is_finite() {
+        return (b, size);
+    }
+    let shift = (0.5 * (a - c) / bend).clamp(-2.0, 2.0);
+    let least = b - shift * 0.5 * (a - c) + 0.5 * shift * shift * bend;
+    (least, (middle + shift * WIDTH).exp())
+}
+
+/// Distance of the logarithms of sizes of the noise between which a parabola is laid.
+const WIDTH: f64 = 0.15;
 /// The least fraction of the variance that is white: frames never repeat each other.
-const LEAST_WHITE: f64 = 1e-3;
+pub(crate) const LEAST_WHITE: f64 = 1e-3;
 
 /// The filter of a marker over the times of the frames that have it, and Σ ln S; `trust` is 1, or less for points that count less.
 pub(crate) fn whitening(

@@ -227,6 +227,7 @@ MOTIONS: dict[type, Callable[[Any], Subject]] = {
     motion.MotionFit: _of_fit,
     motion.ReconstructedFlight: lambda flight: _of_size(flight.model, flight.scale, flight.times, flight.q),
     motion.SkeletonRecording: _of_skeleton,
+    motion.SmoothedMotion: lambda found: _of_size(found.model, found.scale, found.times, found.q),
     motion.WhatIf: lambda found: _of_size(found.model, found.flight.scale, found.t, found.q),
     FlightAnalysis: lambda found: Subject(found.flight),
     motion.SyntheticDive: lambda dive: Subject(dive.model, dive.times, dive.q),

@@ -105,6 +105,19 @@ impl FrameFit {
     }
 }
 
+/// Root mean square of the residuals of each marker over the frames that have it, m.
+pub(crate) fn rms_of_markers<'a>(
+    frames: impl Iterator<Item = &'a [Option<f64>]> + Clone,
+) -> Vec<Option<f64>> {
+    let n = frames.clone().next().map_or(0, <[_]>::len);
+    let of = |k: usize| {
+        let found: Vec<f64> = frames.clone().filter_map(|residuals| residuals[k]).collect();
+        let squares: f64 = found.iter().map(|r| r * r).sum();
+        (!found.is_empty()).then(|| (squares / found.len() as f64).sqrt())
+    };
+    (0..n).map(of).collect()
+}
+
 /// Room for the fit of frames of one model.
 pub(super) struct FrameFitter<'a> {
     model: &'a Model,

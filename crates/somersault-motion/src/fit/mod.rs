@@ -36,10 +36,11 @@ pub mod quadratic;
 mod starts;
 
 pub use estimate::Estimate;
+pub(crate) use frame::rms_of_markers;
 pub use frame::{FitStatus, FrameFit, UnknownStatus};
 pub use markers::{Marker, MarkerSet};
 pub use motion::MotionFit;
-pub use options::{FitOptions, Loss, Scale, Shape};
+pub use options::{BodyScale, FitOptions, Loss, Scale, Shape};
 pub use problem::MarkerFit;
 pub use protocols::MarkerProtocol;
 

@@ -1,6 +1,6 @@
 //! A whole motion: frame after frame, or with one scale for all.
 
-use super::frame::{FitStatus, FrameFit, FrameFitter};
+use super::frame::{FitStatus, FrameFit, FrameFitter, rms_of_markers};
 use super::problem::{Targets, expect_not_cancelled};
 use super::starts::Starts;
 use super::{FitError, MarkerFit, Scale, minima};
@@ -50,13 +50,7 @@ impl MotionFit {
 
     /// Root mean square of the residuals of each marker over the frames that have it, m.
     pub fn rms_of_markers(&self) -> Vec<Option<f64>> {
-        let n_markers = self.frames.first().map_or(0, |f| f.residuals.len());
-        let of = |k: usize| {
-            let all = || self.frames.iter().filter_map(|f| f.residuals[k]);
-            let n = all().count();
-            (n > 0).then(|| (all().map(|r| r * r).sum::<f64>() / n as f64).sqrt())
-        };
-        (0..n_markers).map(of).collect()
+        rms_of_markers(self.frames.iter().map(|f| f.residuals.as_slice()))
     }
 
     /// Whether the search of every frame that has markers came to a minimum, and there is one. Whether the minimum determines

@@ -1,7 +1,7 @@
 //! What is fitted, and how.
 
 use super::{FitError, expect_positive_squarable};
-use somersault_core::argument::{expect_length, expect_squarable};
+use somersault_core::argument::{ArgumentError, expect_length, expect_range, expect_squarable};
 use somersault_multibody::Model;
 use somersault_multibody::joint_motion::EigenpostureBase;
 
@@ -43,6 +43,38 @@ impl Scale {
             Self::Fixed(scale) => [scale, scale],
             Self::PerFrame { lower, upper } | Self::Common { lower, upper } => [lower, upper],
         }
+    }
+}
+
+/// The size of the body over that of the model.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum BodyScale {
+    /// It is known.
+    Known(f64),
+    /// It is sought, and is normal before the markers are looked at.
+    Sought {
+        /// Mean.
+        mean: f64,
+        /// Standard deviation.
+        deviation: f64,
+    },
+}
+
+impl BodyScale {
+    /// Fails where a number is out of range.
+    pub(crate) fn validate(self) -> Result<(), ArgumentError> {
+        let size =
+            |argument, x| expect_range(argument, x, "from 0.01 to 100", |x| (0.01..=100.0).contains(&x));
+        match self {
+            Self::Known(scale) => size("scale", scale)?,
+            Self::Sought { mean, deviation } => {
+                size("mean of the scale", mean)?;
+                let allowed = "positive and at most 0.3 of its mean";
+                let least = |x: f64| x > 0.0 && x <= 0.3 * mean;
+                expect_range("deviation of the scale", deviation, allowed, least)?
+            }
+        };
+        Ok(())
     }
 }
 

@@ -1,9 +1,11 @@
 //! What a reconstruction found.
 
 use super::MarkerNoise;
+use crate::fit::rms_of_markers;
 use crate::phases::FlightPhase;
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
+use somersault_multibody::Model;
 
 /// How a reconstruction ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -206,8 +208,35 @@ pub struct ReconstructedFlight {
 }
 
 impl BeyondLimit {
+    /// Those of all joints of a motion of `n_frames`, whose time, value and standard deviation `of` tells, of a frame and of the places of
+    /// a joint in q and v.
+    pub(crate) fn of(
+        model: &Model,
+        n_frames: usize,
+        of: impl Fn(usize, usize, usize) -> (f64, f64, f64),
+    ) -> Vec<Self> {
+        let of_body = |i: usize| {
+            let [lower, upper] = model.limits(i)?;
+            let (at, rate) = (model.positions_of(i).start, model.velocities_of(i).start);
+            let beyond = |frame: usize| {
+                let (time, value, deviation) = of(frame, at, rate);
+                let body = model.name(i).unwrap_or_default().to_owned();
+                Self { body, by: (value - upper).max(lower - value), deviation, time }
+            };
+            let farthest = (0..n_frames).map(beyond).max_by(|a, b| a.by.total_cmp(&b.by));
+            farthest.filter(|beyond| beyond.by > LISTED)
+        };
+        (1..model.n_bodies()).filter_map(of_body).collect()
+    }
+
+    /// What a message says of it, after what it says before.
+    pub(crate) fn note(&self) -> String {
+        let Self { body, by, deviation, time } = self;
+        format!("; the joint of `{body}` is {by:.2} ± {deviation:.2} beyond its limit at {time:.2} s")
+    }
+
     /// Whether no limit of a living joint, nor the noise, is so vague.
-    pub(super) fn is_far(&self) -> bool {
+    pub(crate) fn is_far(&self) -> bool {
         self.by > FAR && self.by > FAR_DEVIATIONS * self.deviation
     }
 }
@@ -216,7 +245,7 @@ impl BeyondLimit {
 const FAR: f64 = 0.3;
 const FAR_DEVIATIONS: f64 = 4.0;
 /// Distance from a limit, rad or m, from which on it is listed.
-pub(super) const LISTED: f64 = 0.02;
+const LISTED: f64 = 0.02;
 
 /// Angle to the full equations of motion that counts as agreement, rad.
 pub(super) const AGREEMENT: f64 = 1e-3;
@@ -233,9 +262,7 @@ impl ReconstructedFlight {
         let exchanges = self.exchanges.iter().map(|Exchange { markers: [a, b], start, end, n_frames }| {
             format!("; `{a}` and `{b}` were exchanged in {n_frames} frames from {start:.2} to {end:.2} s and put right")
         });
-        let limits = self.beyond_limits.iter().map(|BeyondLimit { body, by, deviation, time }| {
-            format!("; the joint of `{body}` is {by:.2} ± {deviation:.2} beyond its limit at {time:.2} s")
-        });
+        let limits = self.beyond_limits.iter().map(BeyondLimit::note);
         let notes: String = exchanges.chain(limits).collect();
         self.outcome() + &notes
     }
@@ -340,12 +367,6 @@ impl ReconstructedFlight {
 
     /// Root mean square of the residuals of each marker over the frames that have it, m.
     pub fn rms_of_markers(&self) -> Vec<Option<f64>> {
-        let n = self.frames.first().map_or(0, |frame| frame.residuals.len());
-        let of = |k: usize| {
-            let found: Vec<f64> = self.frames.iter().filter_map(|frame| frame.residuals[k]).collect();
-            let squares: f64 = found.iter().map(|r| r * r).sum();
-            (!found.is_empty()).then(|| (squares / found.len() as f64).sqrt())
-        };
-        (0..n).map(of).collect()
+        rms_of_markers(self.frames.iter().map(|frame| frame.residuals.as_slice()))
     }
 }

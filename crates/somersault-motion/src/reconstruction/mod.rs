@@ -58,7 +58,7 @@ pub use crate::noise::MarkerNoise;
 pub use flight::{
     BeyondLimit, Departure, Exchange, FlightFrame, Quantity, ReconstructedFlight, ReconstructionStatus,
 };
-pub use options::{BodyScale, ReconstructionOptions};
+pub use options::ReconstructionOptions;
 pub use problem::FlightReconstruction;
 pub(crate) use report::{counting_of, travelling};
 

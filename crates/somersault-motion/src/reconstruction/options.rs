@@ -1,21 +1,8 @@
 //! How a flight is reconstructed.
 
 use super::{MarkerNoise, ReconstructionError};
+use crate::fit::BodyScale;
 use somersault_core::argument::{expect_positive, expect_range};
-
-/// The size of the body over that of the model.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum BodyScale {
-    /// It is known.
-    Known(f64),
-    /// It is sought, and is normal before the markers are looked at.
-    Sought {
-        /// Mean.
-        mean: f64,
-        /// Standard deviation.
-        deviation: f64,
-    },
-}
 
 /// Choices for a reconstruction.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,22 +43,8 @@ impl Default for ReconstructionOptions {
 impl ReconstructionOptions {
     /// Fails where a number is out of range.
     pub(super) fn validate(&self) -> Result<(), ReconstructionError> {
-        let scale =
-            |argument, x| expect_range(argument, x, "from 0.01 to 100", |x| (0.01..=100.0).contains(&x));
         expect_positive("knot_spacing", self.knot_spacing)?;
-        match self.scale {
-            BodyScale::Known(size) => scale("scale", size).map(|_| ())?,
-            BodyScale::Sought { mean, deviation } => {
-                scale("mean of the scale", mean)?;
-                let least = |x: f64| x > 0.0 && x <= 0.3 * mean;
-                expect_range(
-                    "deviation of the scale",
-                    deviation,
-                    "positive and at most 0.3 of its mean",
-                    least,
-                )?;
-            }
-        }
+        self.scale.validate()?;
         if let Some(threshold) = self.threshold {
             expect_range("threshold", threshold, "from 1 to 1000", |x| (1.0..=1e3).contains(&x))?;
         }

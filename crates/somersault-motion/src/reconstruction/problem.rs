@@ -3,10 +3,7 @@
 use super::attitude::{Flown, Room};
 use super::check::full_dynamics_defect;
 use super::exchange::{LEFT, exchanged, intervals, put_right};
-use super::flight::{
-    AGREEMENT, BeyondLimit, FOLLOWED, FlightFrame, LISTED, Quantity, ReconstructedFlight,
-    ReconstructionStatus,
-};
+use super::flight::{AGREEMENT, BeyondLimit, FOLLOWED, Quantity, ReconstructedFlight, ReconstructionStatus};
 use super::joints::JointSplines;
 use super::normal::{Kinematics, Linearized, Observed};
 use super::plane::depth_departure;
@@ -14,10 +11,11 @@ use super::prior::Prior;
 use super::report::Report;
 use super::score::Tested;
 use super::search::Search;
-use super::start::{FrameFits, FrameNoise};
+use super::start::start_of;
 use super::unknowns::Layout;
-use super::{BodyScale, ReconstructionError, ReconstructionOptions};
-use crate::fit::{MarkerFit, MarkerSet};
+use super::{ReconstructionError, ReconstructionOptions};
+use crate::fit::{BodyScale, MarkerFit, MarkerSet};
+use crate::frame_fits::{FrameFits, FrameNoise, carried_mass, chi_squared, frames_between};
 use crate::noise::MarkerNoise;
 use crate::phases::{FlightPhase, find_flight};
 use crate::recording::MarkerRecording;
@@ -78,10 +76,6 @@ const MAX_DERIVATIVES: f64 = 2e7;
 const REFERENCES: [f64; 3] = [0.5, 0.38, 0.62];
 /// Noise where nothing is known of it, m.
 const NOISE: f64 = 0.03;
-/// Standard deviations by which χ² is a misfit.
-const MISFIT: f64 = 5.0;
-/// What χ² may differ from 1 by, whatever the noise is: angles at limits, robust losses.
-const TOLERANCE: f64 = 0.1;
 /// Rounds in which exchanged markers are put right, and the time between frames of two exchanges, s.
 const MAX_REPAIRS: usize = 6;
 const GAP: f64 = 0.1;
@@ -154,7 +148,7 @@ impl FlightReconstruction {
         token: &CancellationToken,
     ) -> Result<ReconstructedFlight, ReconstructionError> {
         let recording = self.part(recording)?;
-        let fits = FrameFits::try_new(&self.model, &self.markers, &self.options, &recording, token)?;
+        let fits = FrameFits::try_new(&self.model, &self.markers, self.options.scale, &recording, token)?;
         let phase =
             if self.options.interval.is_none() { self.phase(&fits, recording.times())? } else { None };
         let frames = self.frames_of(phase.as_ref(), recording.times());
@@ -206,7 +200,7 @@ impl FlightReconstruction {
                 return Ok(first.clone());
             }
             repaired = put_right(&self.markers, &recording, &found)?;
-            fits = FrameFits::try_new(&self.model, &self.markers, &self.options, &repaired, token)?;
+            fits = FrameFits::try_new(&self.model, &self.markers, self.options.scale, &repaired, token)?;
             exchanges = found;
             round += 1;
         }
@@ -265,7 +259,7 @@ impl FlightReconstruction {
         token: &CancellationToken,
     ) -> Result<FlightPhase, ReconstructionError> {
         let recording = self.part(recording)?;
-        let fits = FrameFits::try_new(&self.model, &self.markers, &self.options, &recording, token)?;
+        let fits = FrameFits::try_new(&self.model, &self.markers, self.options.scale, &recording, token)?;
         self.phase(&fits, recording.times())?.ok_or(ReconstructionError::NoGravity)
     }
 
@@ -285,20 +279,14 @@ impl FlightReconstruction {
 
     /// The frames of the interval, without those at its ends that have no marker of the model.
     fn part(&self, recording: &MarkerRecording) -> Result<MarkerRecording, ReconstructionError> {
-        let (start, end) = self.options.interval.unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
-        let known: Vec<usize> =
-            self.markers.markers().iter().filter_map(|marker| recording.marker(&marker.name).ok()).collect();
-        let times = recording.times();
-        let shows = |i: &usize| {
-            let frame = recording.frame(*i).unwrap_or_default();
-            (start..=end).contains(&times[*i]) && known.iter().any(|k| frame[*k].is_some())
-        };
-        let frames: Vec<usize> = (0..times.len()).filter(shows).collect();
-        if frames.len() < LEAST_FRAMES && !known.is_empty() {
-            return Err(ReconstructionError::TooFewFrames { least: LEAST_FRAMES, found: frames.len() });
+        let between = self.options.interval.unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
+        let has_markers = self.markers.markers().iter().any(|marker| recording.marker(&marker.name).is_ok());
+        let (range, found) = frames_between(&self.markers, recording, between);
+        if found < LEAST_FRAMES && has_markers {
+            return Err(ReconstructionError::TooFewFrames { least: LEAST_FRAMES, found });
         }
-        let range = frames.first().copied().unwrap_or(0)..frames.last().map_or(times.len(), |last| last + 1);
-        Ok(recording.part(range)?)
+        // without a marker the fit says which there are
+        Ok(recording.part(if has_markers { range } else { 0..recording.n_frames() })?)
     }
 
     /// The flight that is found from one reference, and the noise that fits of single frames leave.
@@ -319,9 +307,9 @@ impl FlightReconstruction {
             BodyScale::Sought { mean, deviation } => (true, (mean, deviation)),
         };
         let layout = Layout::new(model, &splines, has_scale, options.seek_gravity);
-        let frame_noise = fits.noise(model, markers, &layout, observed)?;
+        let frame_noise = fits.noise(model, markers, &layout.axes, &observed.points, &observed.weights)?;
         let seen = fits.seen(splines.n_channels());
-        let estimate = fits.estimate(model, &splines, layout.is_planar, times, observed.reference)?;
+        let estimate = start_of(fits, model, &splines, layout.is_planar, times, observed.reference)?;
         let limits = splines.limits(model);
         let prior = Prior::new(&estimate.coefficients[..splines.n_channels()], &seen, scale, limits);
         let size = options.noise.map(|noise| noise.size).or(frame_noise.map(|noise| noise.size));
@@ -391,7 +379,7 @@ impl FlightReconstruction {
         let is_determined = is_determined
             && tested.is_some()
             && splines.largest_turn(&estimate.coefficients) <= LARGEST_TURN
-            && self.carried(&unseen) <= UNSEEN * self.model.mass();
+            && carried_mass(&self.model, &unseen) <= UNSEEN * self.model.mass();
         let Tested { departures, push_time, offsets, gravity: seen_gravity } = tested.unwrap_or(Tested {
             departures: [[f64::NAN; 2]; 7],
             push_time: f64::NAN,
@@ -407,7 +395,11 @@ impl FlightReconstruction {
             std::array::from_fn(|k| departures.get(k).copied().unwrap_or(of_plane));
         let names = self.markers.markers().iter().map(|marker| marker.name.clone());
         let marker_offsets = names.zip(offsets).collect();
-        let beyond_limits = self.beyond_limits(&flown_frames);
+        let n_linear = self.model.joint(0).map_or(0, |joint| joint.kind().n_linear);
+        let beyond_limits = BeyondLimit::of(&self.model, flown_frames.len(), |i, at, rate| {
+            let frame = &flown_frames[i];
+            (frame.time, frame.q[at], frame.deviations[rate - n_linear])
+        });
         let departs = beyond_limits.iter().any(BeyondLimit::is_far)
             || departures.iter().any(|[found, limit]| found > limit);
         let within = chi_squared.is_none_or(|x| (chi_squared_range[0]..=chi_squared_range[1]).contains(&x));
@@ -451,37 +443,6 @@ impl FlightReconstruction {
         Ok(flight)
     }
 
-    /// Where each joint is farthest beyond its limits, if it is.
-    fn beyond_limits(&self, frames: &[FlightFrame]) -> Vec<BeyondLimit> {
-        let model = &self.model;
-        let n_linear = model.joint(0).map_or(0, |joint| joint.kind().n_linear);
-        let of_body = |i: usize| {
-            let [lower, upper] = model.limits(i)?;
-            let (at, rate) = (model.positions_of(i).start, model.velocities_of(i).start);
-            let beyond = |frame: &FlightFrame| BeyondLimit {
-                body: model.name(i).unwrap_or_default().to_owned(),
-                by: (frame.q[at] - upper).max(lower - frame.q[at]),
-                deviation: frame.deviations[rate - n_linear],
-                time: frame.time,
-            };
-            let farthest = frames.iter().map(beyond).max_by(|a, b| a.by.total_cmp(&b.by));
-            farthest.filter(|beyond| beyond.by > LISTED)
-        };
-        (1..model.n_bodies()).filter_map(of_body).collect()
-    }
-
-    /// The mass further out than any of these degrees of freedom, kg.
-    fn carried(&self, unseen: &[usize]) -> f64 {
-        let model = &self.model;
-        let moves = |i: usize| unseen.iter().any(|k| model.velocities_of(i).contains(k));
-        let mut is_carried = vec![false; model.n_bodies()];
-        for i in 1..model.n_bodies() {
-            is_carried[i] = moves(i) || model.parent(i).is_some_and(|parent| is_carried[parent]);
-        }
-        let links = model.links().iter().zip(is_carried).filter(|(_, is_carried)| *is_carried);
-        links.map(|(link, _)| link.mass_properties().mass).sum()
-    }
-
     /// χ² per degree of freedom, and where it must lie.
     fn chi_squared(
         &self,
@@ -507,23 +468,8 @@ impl FlightReconstruction {
             }
         }
         let n_over = measured.n_measured as f64 - (n as f64 - trace);
-        let noise = search.noise;
-        // how many times fewer frames are independent
-        let times = &search.observed.times;
-        let spacing = (times[times.len() - 1] - times[0]) / (times.len() - 1) as f64;
-        let repeats = 1.0 + noise.correlated.powi(2) * noise.time / spacing;
-        let variance = 2.0 / n_over.max(1.0);
         // splines may leave nothing where the joints move slowly
-        let (reference, least, variance) = match (self.options.noise, frame_noise) {
-            (Some(given), _) => (Some(given.size), 1.0, variance),
-            (None, Some(FrameNoise { size, n_over })) => {
-                let whole = size.hypot(FOLLOWED);
-                (Some(whole), (size / whole).powi(2), variance + 2.0 * repeats / n_over)
-            }
-            (None, None) => (None, 1.0, variance),
-        };
-        let width = TOLERANCE + MISFIT * variance.sqrt();
-        let found = reference.map(|size| measured.squares / n_over.max(1.0) * (noise.size / size).powi(2));
-        (found, [(1.0 - width).max(0.0) * least, 1.0 + width])
+        let (given, times) = (self.options.noise, &search.observed.times);
+        chi_squared(given, frame_noise, search.noise, times, measured.squares, n_over, FOLLOWED)
     }
 }

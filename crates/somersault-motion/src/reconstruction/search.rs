@@ -7,7 +7,7 @@ use super::prior::Prior;
 use super::unknowns::Estimate;
 use super::{ReconstructionError, ReconstructionStatus};
 use crate::fit::{FitError, MarkerSet};
-use crate::noise::MarkerNoise;
+use crate::noise::{MarkerNoise, most_likely, most_likely_size};
 use faer::linalg::solvers::{DenseSolveCore, Llt, Solve};
 use faer::{Mat, Side};
 use nalgebra::DMatrix;
@@ -44,8 +44,6 @@ const FINE: f64 = 2.5e-3;
 const WIDE: f64 = 3.0;
 /// Damping at the start and at the end of all hope.
 const DAMPING: [f64; 2] = [1e-3, 1e10];
-/// Distance of the logarithms of sizes of the noise between which a parabola is laid.
-const WIDTH: f64 = 0.15;
 /// Rounds in which the sizes of noise and second derivatives are estimated.
 const ROUNDS: usize = 3;
 
@@ -267,41 +265,8 @@ impl<'a> Search<'a> {
         from: MarkerNoise,
         at: &Linearized,
     ) -> Result<MarkerNoise, ReconstructionError> {
-        let times = &self.observed.times;
-        let spacing = (times[times.len() - 1] - times[0]) / (times.len() - 1) as f64;
-        let longest = (times[times.len() - 1] - times[0]) / 3.0;
-        let of = |[share, time]: [f64; 2], size: f64| MarkerNoise {
-            size,
-            correlated: 1.0 / (1.0 + (-share).exp()),
-            time: time.exp().clamp(spacing, longest.max(spacing)),
-        };
-        let begun =
-            if from.correlated > 0.0 { from } else { MarkerNoise { correlated: 0.5, time: 0.1, ..from } };
-        let share = begun.correlated.clamp(0.01, 0.99);
-        let mut best = [(share / (1.0 - share)).ln(), begun.time.ln()];
-        let mut found = self.evidence(of(best, from.size), at)?;
-        let mut step = if from.correlated > 0.0 { [0.5, 0.35] } else { [1.5, 0.8] };
-        while step[0] > 0.3 {
-            let mut moved = false;
-            for k in 0..2 {
-                for sign in [1.0, -1.0] {
-                    let mut trial = best;
-                    trial[k] += sign * step[k];
-                    if trial[0].abs() > 6.0 || (trial[1] < spacing.ln() - 0.1 || trial[1] > longest.ln()) {
-                        continue;
-                    }
-                    let of_trial = self.evidence(of(trial, found.1), at)?;
-                    if of_trial.0 < found.0 {
-                        (best, found, moved) = (trial, of_trial, true);
-                        break;
-                    }
-                }
-            }
-            if !moved {
-                step = step.map(|x| 0.5 * x);
-            }
-        }
-        Ok(of(best, found.1))
+        let observed = self.observed;
+        most_likely(from, &observed.times, &mut |noise| self.evidence(noise, at))
     }
 
     /// −2 ln of the evidence, least over the size of the noise, and that size.
@@ -339,16 +304,7 @@ impl<'a> Search<'a> {
                 - gain
                 + log_det
         };
-        // the vertex of a parabola through three values
-        let middle = noise.size.ln();
-        let [a, b, c] = [value(middle - WIDTH), value(middle), value(middle + WIDTH)];
-        let bend = a - 2.0 * b + c;
-        if bend <= 0.0 || !bend.is_finite() {
-            return Ok((b, noise.size));
-        }
-        let shift = (0.5 * (a - c) / bend).clamp(-2.0, 2.0);
-        let least = b - shift * 0.5 * (a - c) + 0.5 * shift * shift * bend;
-        Ok((least, (middle + shift * WIDTH).exp()))
+        Ok(most_likely_size(noise.size, value))
     }
 }
 

@@ -2,7 +2,8 @@
 
 use super::departure::N_FUNCTIONS;
 use super::joints::JointSplines;
-use nalgebra::{Matrix3, UnitQuaternion, Vector3};
+use crate::frame_fits::axes_of;
+use nalgebra::{UnitQuaternion, Vector3};
 use somersault_core::lie::so3;
 use somersault_multibody::{Group, Joint, Model};
 use std::ops::Range;
@@ -46,15 +47,8 @@ pub(super) struct Layout {
 impl Layout {
     pub(super) fn new(model: &Model, splines: &JointSplines, has_scale: bool, has_gravity: bool) -> Self {
         let is_planar = model.joint(0).map(Joint::group) == Some(Group::PlanarMotions);
-        let rotation: Matrix3<f64> =
-            model.placement(0).map_or(Matrix3::identity(), |placement| placement.rotation);
-        let column = |k: usize| rotation.column(k).into_owned();
-        let (axes, turns) = if is_planar {
-            (vec![column(0), column(1)], vec![column(2)])
-        } else {
-            let unit = vec![Vector3::x(), Vector3::y(), Vector3::z()];
-            (unit.clone(), unit)
-        };
+        let axes = axes_of(model);
+        let turns = if is_planar { vec![axes[0].cross(&axes[1])] } else { axes.clone() };
         let n_channels = splines.n_channels();
         Self { is_planar, axes, turns, has_scale, has_gravity, n_departures: 0, n_markers: 0, n_channels }
     }

@@ -17,6 +17,7 @@ mod readers;
 mod reconstruction;
 mod recorded;
 mod scoring;
+mod smoothing;
 mod synthetic;
 mod writers;
 

@@ -8,9 +8,9 @@ use somersault_integrators::driver::TimeGrid;
 use somersault_integrators::methods::{Dop853, RungeKuttaMuntheKaas};
 use somersault_integrators::run::Run;
 use somersault_integrators::solution::Recorder;
-use somersault_motion::fit::{FitError, FitOptions, MarkerFit, MarkerSet, Scale};
+use somersault_motion::fit::{BodyScale, FitError, FitOptions, MarkerFit, MarkerSet, Scale};
 use somersault_motion::reconstruction::{
-    BodyScale, Departure, FlightReconstruction, MarkerNoise, ReconstructedFlight, ReconstructionError,
+    Departure, FlightReconstruction, MarkerNoise, ReconstructedFlight, ReconstructionError,
     ReconstructionOptions, ReconstructionStatus,
 };
 use somersault_motion::recording::MarkerRecording;
@@ -20,16 +20,16 @@ use somersault_multibody::{Data, Joint, Link, MassProperties, Model, ModelBuilde
 use std::f64::consts::TAU;
 
 /// A flight that is known, of a body that is larger than its model.
-struct Truth {
-    model: Model,
-    times: Vec<f64>,
-    q: Vec<Vec<f64>>,
-    v: Vec<Vec<f64>>,
-    momentum: Vector3<f64>,
+pub(super) struct Truth {
+    pub(super) model: Model,
+    pub(super) times: Vec<f64>,
+    pub(super) q: Vec<Vec<f64>>,
+    pub(super) v: Vec<Vec<f64>>,
+    pub(super) momentum: Vector3<f64>,
 }
 
 /// Size of the bodies over that of their models.
-const SCALE: f64 = 1.04;
+pub(super) const SCALE: f64 = 1.04;
 
 /// The smooth step of the hyperbolic tangent, with two derivatives by t.
 fn step(t: f64, middle: f64, width: f64) -> [f64; 3] {
@@ -97,7 +97,7 @@ fn dive(diver: &Diver) -> Truth {
 }
 
 /// A twisting somersault of a tree with ball joints for shoulders, and hinges for hips and knees.
-fn gymnast() -> Truth {
+pub(super) fn gymnast() -> Truth {
     let part = |mass: f64, length: f64, width: f64| {
         let (along, across) = (length * length / 12.0, width * width / 6.0);
         let inertia = Matrix3::from_diagonal(&Vector3::new(along + across, along, across)) * mass;
@@ -135,7 +135,7 @@ fn normal(rng: &mut ChaCha8Rng) -> f64 {
 }
 
 /// Markers at joint centres, and one more on each body that no other would show.
-fn markers(model: &Model) -> MarkerSet {
+pub(super) fn markers(model: &Model) -> MarkerSet {
     let mut all: Vec<(String, String, [f64; 3])> = Vec::new();
     for link in model.links().iter().map(|link| link.name().to_owned()) {
         let points: &[[f64; 3]] = match link.rsplit('_').next().unwrap() {
@@ -155,7 +155,7 @@ fn markers(model: &Model) -> MarkerSet {
 }
 
 /// Where the markers are, with noise of which a fraction is correlated over 0.15 s.
-fn record(
+pub(super) fn record(
     truth: &Truth,
     set: &MarkerSet,
     noise: f64,
@@ -222,7 +222,7 @@ fn off(found: &Vector3<f64>, truth: &Vector3<f64>, deviation: &Vector3<f64>) -> 
 }
 
 /// Root mean square of a row of numbers.
-fn rms(numbers: impl Iterator<Item = f64>) -> f64 {
+pub(super) fn rms(numbers: impl Iterator<Item = f64>) -> f64 {
     let (sum, n) = numbers.fold((0.0, 0.0), |(sum, n), x| (sum + x * x, n + 1.0));
     (sum / n).sqrt()
 }

@@ -31,6 +31,7 @@ use somersault::motion::phases::PhaseError;
 use somersault::motion::reconstruction::ReconstructionError;
 use somersault::motion::recording::RecordingError;
 use somersault::motion::scoring::{ScoringError, StorageError};
+use somersault::motion::smoothing::SmoothingError;
 use somersault::motion::synthetic::SyntheticError;
 use somersault::motion::writers::WriteError;
 use somersault::multibody::flight::FlightError;
@@ -482,6 +483,17 @@ impl From<ReconstructionError> for Error {
             ReconstructionError::Model(error) => error.into(),
             ReconstructionError::Recording(error) => error.into(),
             ReconstructionError::Phase(error) => error.into(),
+            error => Self::own(Class::Input, &error),
+        }
+    }
+}
+
+impl From<SmoothingError> for Error {
+    fn from(error: SmoothingError) -> Self {
+        match error {
+            SmoothingError::Fit(error) => error.into(),
+            SmoothingError::Model(error) => error.into(),
+            SmoothingError::Recording(error) => error.into(),
             error => Self::own(Class::Input, &error),
         }
     }

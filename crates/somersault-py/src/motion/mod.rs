@@ -21,6 +21,7 @@ mod reconstruction;
 mod repair;
 mod scoring;
 mod skeleton;
+mod smoothing;
 mod synthetic;
 mod validation;
 mod writers;
@@ -69,6 +70,8 @@ pub(crate) mod module {
     use crate::motion::scoring::{Performance, Score, ScoringModel, ScoringOptions, panel_score};
     #[pymodule_export]
     use crate::motion::skeleton::{Skeleton, SkeletonJoint, SkeletonRecording};
+    #[pymodule_export]
+    use crate::motion::smoothing::{SmoothedMotion, smooth_motion};
     #[pymodule_export]
     use crate::motion::synthetic::{Perturbation, SyntheticDive, SyntheticFlight, SyntheticSet};
     #[pymodule_export]

@@ -12,9 +12,10 @@ use crate::core::waiting::leave_on_signal;
 use crate::multibody::model::Model;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
+use somersault::motion::fit::BodyScale;
 use somersault::motion::nalgebra::{Matrix3, Vector3};
 use somersault::motion::reconstruction::{
-    BeyondLimit, BodyScale, Departure, Exchange, FlightFrame, FlightReconstruction, MarkerNoise, Quantity,
+    BeyondLimit, Departure, Exchange, FlightFrame, FlightReconstruction, MarkerNoise, Quantity,
     ReconstructedFlight as Flight, ReconstructionOptions, ReconstructionStatus,
 };
 
@@ -120,7 +121,8 @@ pub(crate) fn reconstruct_flight(
     Ok(ReconstructedFlight { markers: markers.clone().unbind(), flight })
 }
 
-fn scale_of(value: &Bound<'_, PyAny>) -> Result<BodyScale, Error> {
+/// A size, or a mean and a standard deviation.
+pub(super) fn scale_of(value: &Bound<'_, PyAny>) -> Result<BodyScale, Error> {
     match (value.extract::<f64>(), value.extract::<(f64, f64)>()) {
         (Ok(size), _) => Ok(BodyScale::Known(size)),
         (_, Ok((mean, deviation))) => Ok(BodyScale::Sought { mean, deviation }),
@@ -133,7 +135,8 @@ fn scale_of(value: &Bound<'_, PyAny>) -> Result<BodyScale, Error> {
     }
 }
 
-fn noise_of(value: &Bound<'_, PyAny>) -> Result<MarkerNoise, Error> {
+/// White noise, or with the fraction of its variance that is correlated and the time of that.
+pub(super) fn noise_of(value: &Bound<'_, PyAny>) -> Result<MarkerNoise, Error> {
     match (value.extract::<f64>(), value.extract::<(f64, f64, f64)>()) {
         (Ok(size), _) => Ok(MarkerNoise::white(size)),
         (_, Ok((size, correlated, time))) => Ok(MarkerNoise { size, correlated, time }),
@@ -306,10 +309,7 @@ impl ReconstructedFlight {
     /// of all else contain that.
     #[getter]
     fn unseen<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        let model = &self.markers.get().model.get().model;
-        let is_unseen = |i: &usize| model.velocities_of(*i).any(|k| self.flight.unseen.contains(&k));
-        let bodies = (1..model.n_bodies()).filter(is_unseen).filter_map(|i| model.name(i));
-        PyTuple::new(py, bodies.collect::<Vec<_>>())
+        PyTuple::new(py, bodies_of(&self.markers.get().model.get().model, &self.flight.unseen))
     }
 
     /// dict of str to float: χ² per degree of freedom of departures: about 1 where the laws of flight hold and the body is that of the model,
@@ -359,11 +359,7 @@ impl ReconstructedFlight {
     /// deviations, is a misfit.
     #[getter]
     fn beyond_limits<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let found = PyDict::new(py);
-        for BeyondLimit { body, by, deviation, time } in &self.flight.beyond_limits {
-            found.set_item(body, (*by, *deviation, *time))?;
-        }
-        Ok(found)
+        limits_dict(py, &self.flight.beyond_limits)
     }
 
     /// ndarray, shape (n_frames, n_markers): Distances of the markers to the recorded ones, m, in the plane of a planar model; NaN where one is missing.
@@ -376,23 +372,13 @@ impl ReconstructedFlight {
     /// dict of str to float: Root mean square of the residuals of each marker, m; NaN for one never seen.
     #[getter]
     fn marker_rms<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let found = PyDict::new(py);
-        for (marker, rms) in self.markers.get().markers.markers().iter().zip(self.flight.rms_of_markers()) {
-            found.set_item(&marker.name, rms.unwrap_or(f64::NAN))?;
-        }
-        Ok(found)
+        rms_dict(py, self.markers.get(), self.flight.rms_of_markers())
     }
 
     /// str: Whether it is a success, or why not, and which joints no marker sees.
     #[getter]
-    fn message(&self, py: Python<'_>) -> PyResult<String> {
-        let flight = &self.flight;
-        let mut text = flight.message();
-        let unseen: Vec<String> = self.unseen(py)?.extract()?;
-        if !unseen.is_empty() {
-            text += &format!("; no marker sees {}", unseen.join(", "));
-        }
-        Ok(text)
+    fn message(&self) -> String {
+        message_of(self.flight.message(), &self.markers.get().model.get().model, &self.flight.unseen)
     }
 
     fn __len__(&self) -> usize {
@@ -419,11 +405,8 @@ impl ReconstructedFlight {
         );
         let covariance = matrix_array(py, &flight.covariance)?;
         let offsets = flight.marker_offsets.iter().map(|(name, offset)| (name.clone(), of(offset)));
-        let limits = flight
-            .beyond_limits
-            .iter()
-            .map(|BeyondLimit { body, by, deviation, time }| (body.clone(), [*by, *deviation, *time]));
-        let markers = (offsets.collect::<Vec<_>>(), slf.get().exchanges(py)?, limits.collect::<Vec<_>>());
+        let limits = limits_pickled(&flight.beyond_limits);
+        let markers = (offsets.collect::<Vec<_>>(), slf.get().exchanges(py)?, limits);
         let found =
             (markers, slf.get().phase().map(|phase| Py::new(py, phase)).transpose()?, flight.seen_gravity);
         let arguments =
@@ -482,10 +465,7 @@ impl ReconstructedFlight {
                 .into_iter()
                 .map(|(a, b, start, end, n_frames)| Exchange { markers: [a, b], start, end, n_frames })
                 .collect(),
-            beyond_limits: limits
-                .into_iter()
-                .map(|(body, [by, deviation, time])| BeyondLimit { body, by, deviation, time })
-                .collect(),
+            beyond_limits: limits_restored(limits),
             iterations,
         };
         Ok(Self { markers, flight })
@@ -502,6 +482,52 @@ impl ReconstructedFlight {
             flight.angular_momentum.value.norm()
         )
     }
+}
+
+/// The bodies whose joints have some of the velocities with these numbers.
+pub(super) fn bodies_of<'m>(model: &'m somersault::multibody::Model, numbers: &[usize]) -> Vec<&'m str> {
+    let has_one = |i: &usize| model.velocities_of(*i).any(|k| numbers.contains(&k));
+    (0..model.n_bodies()).filter(has_one).filter_map(|i| model.name(i)).collect()
+}
+
+/// What a result says, and which joints no marker sees.
+pub(super) fn message_of(text: String, model: &somersault::multibody::Model, unseen: &[usize]) -> String {
+    let unseen = bodies_of(model, unseen);
+    if unseen.is_empty() { text } else { format!("{text}; no marker sees {}", unseen.join(", ")) }
+}
+
+/// Joints beyond their limits by the bodies that they carry.
+pub(super) fn limits_dict<'py>(py: Python<'py>, limits: &[BeyondLimit]) -> PyResult<Bound<'py, PyDict>> {
+    let found = PyDict::new(py);
+    for BeyondLimit { body, by, deviation, time } in limits {
+        found.set_item(body, (*by, *deviation, *time))?;
+    }
+    Ok(found)
+}
+
+/// Joints beyond their limits as pickled.
+pub(super) fn limits_pickled(limits: &[BeyondLimit]) -> Vec<(String, [f64; 3])> {
+    let of = |limit: &BeyondLimit| (limit.body.clone(), [limit.by, limit.deviation, limit.time]);
+    limits.iter().map(of).collect()
+}
+
+/// The same restored.
+pub(super) fn limits_restored(limits: Vec<(String, [f64; 3])>) -> Vec<BeyondLimit> {
+    let of = |(body, [by, deviation, time]): (_, [f64; 3])| BeyondLimit { body, by, deviation, time };
+    limits.into_iter().map(of).collect()
+}
+
+/// Root mean squares by the names of markers, NaN for one never seen.
+pub(super) fn rms_dict<'py>(
+    py: Python<'py>,
+    markers: &MarkerSet,
+    rms: Vec<Option<f64>>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let found = PyDict::new(py);
+    for (marker, rms) in markers.markers.markers().iter().zip(rms) {
+        found.set_item(&marker.name, rms.unwrap_or(f64::NAN))?;
+    }
+    Ok(found)
 }
 
 /// Scale, gravity, height, deviations of the turns, noise.
