@@ -496,12 +496,14 @@ impl<'a> FrameFitter<'a> {
         scaled.ger(-1.0, &across, &moved, 1.0);
         scaled.ger(-1.0, &moved, &across, 1.0);
         scaled.ger(twice, &across, &across, 1.0);
-        let eigen = SymmetricEigen::new(scaled);
-        let greatest = eigen.eigenvalues.iter().fold(0.0_f64, |a, x| a.max(*x));
+        // a matrix without entries has no decomposition
+        let eigen = (m > 0).then(|| SymmetricEigen::new(scaled));
+        let pairs = || eigen.iter().flat_map(|e| e.eigenvalues.iter().zip(e.eigenvectors.column_iter()));
+        let greatest = pairs().fold(0.0_f64, |a, (x, _)| a.max(*x));
         let mut inverse = DMatrix::zeros(n, n);
         let mut status = vec![UnknownStatus::Determined; n];
         let mut rank = 0;
-        for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+        for (value, vector) in pairs() {
             let is_held = across.dot(&vector).abs() > 1.0 - SINGULAR.sqrt();
             if *value > SINGULAR * greatest {
                 rank += 1;

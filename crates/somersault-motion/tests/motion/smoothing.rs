@@ -179,7 +179,7 @@ fn motions_are_found_within_their_intervals_and_nearer_than_by_single_frames() {
 
 /// Lengths of the intervals are right on average: of 95 % intervals of configurations, velocities and accelerations.
 #[test]
-#[ignore = "forty motions: two minutes"]
+#[ignore = "long form of `motions_are_found_within_their_intervals_and_nearer_than_by_single_frames`, 40 motions, 75 s: `make studies` runs it"]
 fn intervals_hold_the_truth_as_often_as_documented() {
     for (name, known) in [("walk", walk(1.2, 50.0)), ("bend", bend(1.2, 50.0))] {
         let set = markers(&known.truth.model);
@@ -403,4 +403,26 @@ fn what_cannot_be_smoothed_is_said_by_name() {
     let token = CancellationToken::new();
     token.cancel();
     assert_eq!(smoother.smooth_cancellable(&seen, &token), Err(SmoothingError::Fit(FitError::Interrupted)));
+}
+
+/// A body that cannot move, of a size that is given, has no unknowns.
+#[test]
+fn a_body_without_unknowns_is_fitted_and_smoothed() {
+    let mass = MassProperties::point(1.0, Vector3::zeros());
+    let mut builder = ModelBuilder::new();
+    builder.add(Link::root("post", Joint::Fixed, mass)).unwrap();
+    let model = builder.build().unwrap();
+    let set = MarkerSet::on_bodies(&model, [("top", "post", [0.0, 0.0, 1.0])]).unwrap();
+    let times: Vec<f64> = (0..20).map(|i| 0.02 * f64::from(i)).collect();
+    let seen = times.iter().map(|t| Some(Vector3::new(0.01 * (99.0 * t).sin(), 0.0, 1.0))).collect();
+    let recording = MarkerRecording::try_new(vec!["top".into()], times, seen).unwrap();
+    let fit = FitOptions { scale: Scale::Fixed(1.0), ..FitOptions::default() };
+    let fit = MarkerFit::try_new(&model, set.clone(), fit).unwrap().fit(&recording).unwrap();
+    assert!(fit.frames.iter().all(|frame| frame.unknowns.len() == 1));
+    for noise in [None, Some(MarkerNoise::white(0.01))] {
+        let options = SmoothingOptions { scale: BodyScale::Known(1.0), noise, ..SmoothingOptions::default() };
+        let motion =
+            MotionSmoother::try_new(&model, set.clone(), options).unwrap().smooth(&recording).unwrap();
+        assert_eq!(motion.status, SmoothingStatus::Converged, "{}", motion.message());
+    }
 }
