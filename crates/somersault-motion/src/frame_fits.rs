@@ -1,7 +1,7 @@
 //! Fits of single frames, in which smoothed motions and reconstructed flights begin, and the noise that they show.
 
 use crate::fit::{
-    BodyScale, FitError, FitOptions, FitStatus, FrameFit, MarkerFit, MarkerSet, Scale, UnknownStatus,
+    BodyScale, FitError, FitOptions, FitStatus, FrameFit, MarkerFit, MarkerSet, Scale, Targets, UnknownStatus,
 };
 use crate::noise::{MarkerNoise, chi_squared_quantile};
 use crate::recording::MarkerRecording;
@@ -28,6 +28,10 @@ pub(crate) struct FrameNoise {
 const MISFIT: f64 = 5.0;
 /// What χ² may differ from 1 by, whatever the noise is: angles at limits, robust losses.
 const TOLERANCE: f64 = 0.1;
+/// Mass that joints may carry which no marker sees, in fractions of the whole.
+const UNSEEN: f64 = 0.1;
+/// Noise where nothing is known of it, m.
+pub(crate) const UNKNOWN_NOISE: f64 = 0.03;
 /// Coordinates that a frame must have beyond its unknowns to say something of the noise.
 const LEAST_OVER: usize = 3;
 /// Markers without noise have that of rounding, m.
@@ -213,13 +217,23 @@ pub(crate) fn chi_squared(
     (per_degree, [(1.0 - width).max(0.0) * least, 1.0 + width])
 }
 
-/// The mass further out than any of the degrees of freedom `unseen`, kg.
-pub(crate) fn carried_mass(model: &Model, unseen: &[usize]) -> f64 {
+/// Whether the degrees of freedom `unseen`, which no marker sees, carry more than a tenth of the mass.
+pub(crate) fn carry_much(model: &Model, unseen: &[usize]) -> bool {
     let moves = |i: usize| unseen.iter().any(|k| model.velocities_of(i).contains(k));
     let mut is_carried = vec![false; model.n_bodies()];
     for i in 1..model.n_bodies() {
         is_carried[i] = moves(i) || model.parent(i).is_some_and(|parent| is_carried[parent]);
     }
     let links = model.links().iter().zip(is_carried).filter(|(_, is_carried)| *is_carried);
-    links.map(|(link, _)| link.mass_properties().mass).sum()
+    links.map(|(link, _)| link.mass_properties().mass).sum::<f64>() > UNSEEN * model.mass()
+}
+
+/// For each frame the place of each marker that it has.
+pub(crate) type Points = Vec<Vec<Option<Vector3<f64>>>>;
+
+/// The points of all frames, and their weights in the recording.
+pub(crate) fn points_and_weights(targets: &[Targets]) -> (Points, Vec<Vec<f64>>) {
+    let points = |frame: &Targets| frame.iter().map(|y| Some((*y)?.point)).collect();
+    let weights = |frame: &Targets| frame.iter().map(|y| y.map_or(1.0, |y| y.weight)).collect();
+    (targets.iter().map(points).collect(), targets.iter().map(weights).collect())
 }

@@ -38,6 +38,13 @@ impl MarkerNoise {
         Self { size, correlated: 0.0, time: 0.1 }
     }
 
+    /// The weight of a point of a marker by that in the recording and by Huber's loss: less where it is farther off than `threshold` standard
+    /// deviations.
+    pub(crate) fn trust(&self, weight: f64, recorded: f64, distance: f64, threshold: f64) -> f64 {
+        let size = self.size / (weight * recorded).sqrt();
+        recorded * (threshold / (distance / size)).min(1.0)
+    }
+
     pub(crate) fn validate(&self) -> Result<(), ArgumentError> {
         expect_range("size of the noise", self.size, "between 1e-9 and 1e3 m", |x| {
             (1e-9..=1e3).contains(&x)

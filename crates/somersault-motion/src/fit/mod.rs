@@ -42,6 +42,7 @@ pub use markers::{Marker, MarkerSet};
 pub use motion::MotionFit;
 pub use options::{BodyScale, FitOptions, Loss, Scale, Shape};
 pub use problem::MarkerFit;
+pub(crate) use problem::Targets;
 pub use protocols::MarkerProtocol;
 
 use somersault_core::argument::{ArgumentError, expect_positive, expect_squarable};

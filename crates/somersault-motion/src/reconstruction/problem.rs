@@ -15,7 +15,9 @@ use super::start::start_of;
 use super::unknowns::Layout;
 use super::{ReconstructionError, ReconstructionOptions};
 use crate::fit::{BodyScale, MarkerFit, MarkerSet};
-use crate::frame_fits::{FrameFits, FrameNoise, carried_mass, chi_squared, frames_between};
+use crate::frame_fits::{
+    FrameFits, FrameNoise, UNKNOWN_NOISE, carry_much, chi_squared, frames_between, points_and_weights,
+};
 use crate::noise::MarkerNoise;
 use crate::phases::{FlightPhase, find_flight};
 use crate::recording::MarkerRecording;
@@ -74,15 +76,11 @@ const MAX_UNKNOWNS: usize = 3000;
 const MAX_DERIVATIVES: f64 = 2e7;
 /// Where the search begins, in fractions of the duration: elsewhere where it fails from the middle.
 const REFERENCES: [f64; 3] = [0.5, 0.38, 0.62];
-/// Noise where nothing is known of it, m.
-const NOISE: f64 = 0.03;
 /// Rounds in which exchanged markers are put right, and the time between frames of two exchanges, s.
 const MAX_REPAIRS: usize = 6;
 const GAP: f64 = 0.1;
 /// Rotation of a ball joint from its reference up to which its channels are sound, rad.
 const LARGEST_TURN: f64 = 5.5;
-/// Mass that joints may carry which no marker sees, in fractions of the whole.
-const UNSEEN: f64 = 0.1;
 
 /// What was found from one of the references.
 struct Begun {
@@ -218,10 +216,7 @@ impl FlightReconstruction {
         let times = recording.times();
         let fit = MarkerFit::try_new(&self.model, self.markers.clone(), crate::fit::FitOptions::default())?;
         let targets = fit.targets(recording)?;
-        let points = targets.iter().map(|frame| frame.iter().map(|y| Some((*y)?.point)).collect());
-        let points: Vec<Vec<_>> = points.collect();
-        let weights = targets.iter().map(|frame| frame.iter().map(|y| y.map_or(1.0, |y| y.weight)).collect());
-        let weights: Vec<Vec<_>> = weights.collect();
+        let (points, weights) = points_and_weights(&targets);
         let mut best: Option<Begun> = None;
         for &reference in references {
             let frame = fits.reference(times, reference);
@@ -313,7 +308,7 @@ impl FlightReconstruction {
         let limits = splines.limits(model);
         let prior = Prior::new(&estimate.coefficients[..splines.n_channels()], &seen, scale, limits);
         let size = options.noise.map(|noise| noise.size).or(frame_noise.map(|noise| noise.size));
-        let noise = options.noise.unwrap_or(MarkerNoise::white(size.unwrap_or(NOISE)));
+        let noise = options.noise.unwrap_or(MarkerNoise::white(size.unwrap_or(UNKNOWN_NOISE)));
         let mut search = Search {
             flown: Flown { model, splines: &splines, layout: &layout },
             markers,
@@ -379,7 +374,7 @@ impl FlightReconstruction {
         let is_determined = is_determined
             && tested.is_some()
             && splines.largest_turn(&estimate.coefficients) <= LARGEST_TURN
-            && carried_mass(&self.model, &unseen) <= UNSEEN * self.model.mass();
+            && !carry_much(&self.model, &unseen);
         let Tested { departures, push_time, offsets, gravity: seen_gravity } = tested.unwrap_or(Tested {
             departures: [[f64::NAN; 2]; 7],
             push_time: f64::NAN,

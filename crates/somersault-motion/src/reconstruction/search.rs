@@ -162,10 +162,9 @@ impl<'a> Search<'a> {
         let residuals = self.flown.residuals(self.observed, estimate, frames.clone(), placed);
         for (i, of_frame) in frames.clone().zip(residuals) {
             for (k, residual) in of_frame.iter().enumerate() {
-                let recorded = self.observed.weights[i][k];
-                let size = noise.size / (self.markers.markers()[k].weight * recorded).sqrt();
-                let distance = residual.map_or(0.0, |r| r.norm()) / size;
-                self.trust[i][k] = recorded * (threshold / distance).min(1.0);
+                let (weight, recorded) = (self.markers.markers()[k].weight, self.observed.weights[i][k]);
+                let distance = residual.map_or(0.0, |r| r.norm());
+                self.trust[i][k] = noise.trust(weight, recorded, distance, threshold);
             }
         }
     }

@@ -16,7 +16,7 @@ use faer::linalg::matmul::matmul as multiply;
 use faer::linalg::matmul::triangular::{BlockStructure, matmul};
 use faer::linalg::solvers::Llt;
 use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place};
-use faer::{Accum, Mat, Par, Side};
+use faer::{Accum, Mat, MatRef, Par, Side};
 
 /// What a frame adds to the equations.
 pub(super) struct Block {
@@ -59,36 +59,27 @@ pub(super) struct Factor {
     pub(super) fall: f64,
 }
 
-/// The covariance of a frame, and how it goes with the next and with the unknown of all frames.
-pub(super) struct Covariance<'a> {
-    /// Σᵢ.
-    pub(super) own: &'a Mat<f64>,
-    /// Σᵢ,ᵢ₊₁ and Σᵢ₊₁, where there is a next frame.
-    pub(super) next: Option<(&'a Mat<f64>, &'a Mat<f64>)>,
-    /// With the unknown of all frames, where there is one.
-    with_common: &'a [f64],
-    /// Its variance.
-    of_common: f64,
+/// The covariance of the unknowns of a frame, of those of the next if it is not the last, and of the one that all frames share, which has
+/// the variance 0 where it is known.
+pub(super) struct Covariance {
+    matrix: Mat<f64>,
 }
 
-/// The place of the unknown of all frames in a row.
+/// The place in a row of the unknown that all frames share.
 pub(super) const COMMON: usize = usize::MAX;
 
-impl Covariance<'_> {
-    /// The variance of a linear function of the unknowns of a frame, and of that of all frames or of those of the next, which count on.
+impl Covariance {
+    /// That of two unknowns.
+    pub(super) fn entry(&self, a: usize, b: usize) -> f64 {
+        let place = |k: usize| if k == COMMON { self.matrix.nrows() - 1 } else { k };
+        self.matrix[(place(a), place(b))]
+    }
+
+    /// The variance of a linear function of these unknowns; those of the next frame count on.
     pub(super) fn variance(&self, row: &[(usize, f64)]) -> f64 {
-        let n = self.own.nrows();
-        let entry = |a: usize, b: usize| match (b, self.next) {
-            (COMMON, _) if a == COMMON => self.of_common,
-            (COMMON, _) => self.with_common.get(a).copied().unwrap_or(0.0),
-            (b, _) if b < n => self.own[(a, b)],
-            (b, Some((cross, _))) if a < n => cross[(a, b - n)],
-            (b, Some((_, after))) => after[(a - n, b - n)],
-            (_, None) => 0.0,
-        };
         let of = |(k, (a, x)): (usize, &(usize, f64))| {
-            let twice: f64 = row[k + 1..].iter().map(|(b, y)| 2.0 * y * entry(*a.min(b), *a.max(b))).sum();
-            x * (x * entry(*a, *a) + twice)
+            let twice: f64 = row[k + 1..].iter().map(|(b, y)| 2.0 * y * self.entry(*a, *b)).sum();
+            x * (x * self.entry(*a, *a) + twice)
         };
         row.iter().enumerate().map(of).sum()
     }
@@ -222,41 +213,23 @@ impl Factor {
         found
     }
 
-    /// The variance of the unknown of all frames, 0 where there is none.
+    /// Variance of the unknown that all frames share; 0 if it is known.
     pub(super) fn common_variance(&self) -> f64 {
         self.corner.map_or(0.0, |[size, _]| size.recip())
     }
 
-    /// Visits the blocks of the inverse from the last frame to the first.
+    /// Visits the covariances from the last frame to the first.
     pub(super) fn covariances<E>(
         &self,
-        visit: &mut dyn FnMut(usize, &Covariance<'_>) -> Result<(), E>,
+        visit: &mut dyn FnMut(usize, &Covariance) -> Result<(), E>,
     ) -> Result<(), E> {
         let (n, n_frames) = (self.n, self.lower.len());
-        // A⁻¹ h over the root of the corner: what not knowing the unknown of all frames adds
-        let along = self.corner.map(|[size, _]| {
-            let root = size.sqrt();
-            self.steps_back(&|i| self.borders[i].iter().map(|x| x / root).collect())
-        });
-        let of_common = self.common_variance();
-        let mut with_common = vec![0.0; n];
-        let whole = |matrix: &Mat<f64>, i: usize, j: usize| {
-            let mut found = matrix.clone();
-            if let Some(along) = &along {
-                for (b, y) in along[j].iter().enumerate() {
-                    for (a, x) in along[i].iter().enumerate() {
-                        found[(a, b)] += x * y;
-                    }
-                }
-            }
-            found
-        };
-        let mut next: Option<(Mat<f64>, Mat<f64>)> = None;
+        // A⁻¹ h over the root of the corner: what not knowing the shared unknown adds
+        let root = self.corner.map_or(f64::INFINITY, |[size, _]| size.sqrt());
+        let along = self.steps_back(&|i| self.borders[i].iter().map(|x| x / root).collect());
+        let deviation = root.recip();
+        let mut next: Option<Mat<f64>> = None;
         for i in (0..n_frames).rev() {
-            if let Some(along) = &along {
-                let of = with_common.iter_mut().zip(&along[i]);
-                of.for_each(|(entry, x)| *entry = -x * of_common.sqrt());
-            }
             let lower = self.lower[i].L();
             let both = |matrix: &mut Mat<f64>| {
                 solve_lower_triangular_in_place(lower, matrix.as_mut(), Par::Seq);
@@ -264,25 +237,32 @@ impl Factor {
             };
             let mut own = Mat::identity(n, n);
             both(&mut own);
-            let own = match &next {
-                None => {
-                    let all = whole(&own, i, i);
-                    visit(i, &Covariance { own: &all, next: None, with_common: &with_common, of_common })?;
-                    (own, all)
-                }
-                Some((after, all_after)) => {
-                    let mut gain: Mat<f64> = Mat::zeros(n, n);
-                    self.couplings[i].iter().for_each(|(row, column, value)| gain[(*column, *row)] += value);
-                    both(&mut gain);
-                    let mut cross: Mat<f64> = Mat::zeros(n, n);
-                    multiply(cross.as_mut(), Accum::Replace, &gain, after, -1.0, Par::Seq);
-                    multiply(own.as_mut(), Accum::Add, &cross, gain.transpose(), -1.0, Par::Seq);
-                    let all = whole(&own, i, i);
-                    let next = Some((&whole(&cross, i, i + 1), all_after));
-                    visit(i, &Covariance { own: &all, next, with_common: &with_common, of_common })?;
-                    (own, all)
-                }
+            let cross = next.as_ref().map(|after| {
+                let mut gain: Mat<f64> = Mat::zeros(n, n);
+                let coupling = self.couplings[i].iter();
+                coupling.for_each(|(row, column, value)| gain[(*column, *row)] += value);
+                both(&mut gain);
+                let mut cross: Mat<f64> = Mat::zeros(n, n);
+                multiply(cross.as_mut(), Accum::Replace, &gain, after, -1.0, Par::Seq);
+                multiply(own.as_mut(), Accum::Add, &cross, gain.transpose(), -1.0, Par::Seq);
+                cross
+            });
+            // along all unknowns of the two frames and the shared one
+            let frames = i..(i + 2).min(n_frames);
+            let mut common: Vec<f64> = along[frames].iter().flatten().copied().collect();
+            common.push(-deviation);
+            let mut matrix = Mat::from_fn(common.len(), common.len(), |a, b| common[a] * common[b]);
+            let mut add = |row: usize, column: usize, block: MatRef<'_, f64>| {
+                let mut part = matrix.submatrix_mut(row, column, n, n);
+                part += block;
             };
+            add(0, 0, own.as_ref());
+            if let (Some(cross), Some(after)) = (&cross, &next) {
+                add(0, n, cross.as_ref());
+                add(n, 0, cross.transpose());
+                add(n, n, after.as_ref());
+            }
+            visit(i, &Covariance { matrix })?;
             next = Some(own);
         }
         Ok(())
@@ -351,14 +331,14 @@ mod tests {
             assert!((factor.log_determinant - dense.determinant().ln()).abs() < 1e-10);
             let fall = -step.dot(&nalgebra::DVector::from_vec(right.clone()));
             assert!((factor.fall - fall).abs() < 1e-11);
-            // functions of two frames, and of the last with the unknown of all
+            // a function of two frames and the unknown that all share
             let mut visited = 0;
-            let mut visit = |i: usize, found: &Covariance<'_>| {
-                let width = if found.next.is_some() { 2 * n } else { n };
+            let mut visit = |i: usize, found: &Covariance| {
+                let width = if i + 1 < frames { 2 * n } else { n };
                 let mut row: Vec<(usize, f64)> = (0..width).map(|k| (k, 1.0 / (k + 1) as f64)).collect();
                 let mut all = nalgebra::DVector::zeros(size);
                 row.iter().for_each(|(k, x)| all[i * n + k] = *x);
-                if has_common && found.next.is_none() {
+                if has_common {
                     row.push((COMMON, 0.7));
                     all[size - 1] = 0.7;
                 }

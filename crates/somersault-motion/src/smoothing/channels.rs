@@ -4,8 +4,8 @@
 //! root that moves freely are thus along the axes of the world, in which a body that nothing pushes keeps its velocity. Joints that no marker
 //! sees have none.
 
+use super::chain::Covariance;
 use super::motion::Deviations;
-use faer::Mat;
 use nalgebra::{DMatrix, Matrix3, SMatrix, Vector3};
 use somersault_core::lie::so3;
 use somersault_multibody::{Model, Turning};
@@ -251,13 +251,13 @@ impl Channels {
 
     /// Standard deviations along v of configuration, velocity and acceleration, where `covariance` is that of the numbers, their first
     /// and their second derivatives. Infinite where no marker sees.
-    pub(super) fn deviations(&self, state: &State, covariance: &Mat<f64>) -> Deviations {
+    pub(super) fn deviations(&self, state: &State, covariance: &Covariance) -> Deviations {
         let n = self.n();
         let mut found = [(); 3].map(|()| vec![f64::INFINITY; self.n_velocities]);
         for (order, deviations) in found.iter_mut().enumerate() {
             for (k, place) in self.velocities.iter().enumerate() {
                 if !self.is_vague[k] {
-                    deviations[*place] = covariance[(order * n + k, order * n + k)].max(0.0).sqrt();
+                    deviations[*place] = covariance.entry(order * n + k, order * n + k).max(0.0).sqrt();
                 }
             }
         }
@@ -270,7 +270,7 @@ impl Channels {
                     if j < 3 { turned[(i, j)] } else { f64::from(u8::from(i + 3 == j)) }
                 });
                 let place = |k: usize| if k < 3 { first + k } else { order * n + first + k - 3 };
-                let of = SMatrix::<f64, 6, 6>::from_fn(|i, j| covariance[(place(i), place(j))]);
+                let of = SMatrix::<f64, 6, 6>::from_fn(|i, j| covariance.entry(place(i), place(j)));
                 let whole = by * of * by.transpose();
                 for k in (0..3).filter(|k| !self.is_vague[first + k]) {
                     found[order][self.velocities[first + k]] = whole[(k, k)].max(0.0).sqrt();
@@ -306,17 +306,13 @@ impl Channels {
                 } else {
                     (axis == 2).then_some(carried.turning)
                 };
-                match of {
-                    0 => linear,
-                    1 => turning,
-                    2 => linear.map(|x| x + n),
-                    3 => turning.map(|x| x + n),
-                    _ => linear.map(|x| x + 2 * n),
-                }
+                let later = |place: Option<usize>, by: usize| place.map(|x| x + by);
+                [linear, turning, later(linear, n), later(turning, n), later(linear, 2 * n)][of]
             };
+            // a joint in the plane neither moves along its axis nor turns about others, which is certain
             let entry = |i: usize, j: usize| match (place(i), place(j)) {
-                (Some(i), Some(j)) => covariance[(i, j)],
-                _ => 0.0,
+                (Some(i), Some(j)) => covariance.entry(i, j),
+                (Some(_) | None, None) | (None, Some(_)) => 0.0,
             };
             let of_numbers = SMatrix::<f64, 15, 15>::from_fn(entry);
             let of_motion = by * of_numbers * by.transpose();

@@ -5,7 +5,10 @@ use super::motion::{SmoothedFrame, SmoothedMotion, SmoothingStatus};
 use super::search::{DAMPING, Posterior, ROUGHNESS, Search};
 use super::{SmoothingError, SmoothingOptions};
 use crate::fit::{BodyScale, FitOptions, MarkerFit, MarkerSet};
-use crate::frame_fits::{FrameFits, FrameNoise, axes_of, carried_mass, chi_squared, frames_between};
+use crate::frame_fits::{
+    FrameFits, FrameNoise, UNKNOWN_NOISE, axes_of, carry_much, chi_squared, frames_between,
+    points_and_weights,
+};
 use crate::noise::{MarkerNoise, chi_squared_quantile};
 use crate::reconstruction::BeyondLimit;
 use crate::recording::MarkerRecording;
@@ -54,10 +57,6 @@ const LEAST_FRAMES: usize = 10;
 const LEAST_SPACING: f64 = 1e-4;
 /// Numbers that the factors of all frames may have together: 1 GB.
 const MAX_NUMBERS: f64 = 1.25e8;
-/// Noise where nothing is known of it, m.
-const NOISE: f64 = 0.03;
-/// Mass that joints may carry which no marker sees, in fractions of the whole.
-const UNSEEN: f64 = 0.1;
 /// The time over which residuals are tested by themselves, s, and standard deviations up to which they are by chance.
 const STRETCH: f64 = 0.2;
 const CHANCE: f64 = 5.0;
@@ -122,10 +121,7 @@ impl MotionSmoother {
         self.expect_room(times.len())?;
         let fits = FrameFits::try_new(model, markers, options.scale, &recording, token)?;
         let targets = fit.targets(&recording)?;
-        let points: Vec<Vec<_>> =
-            targets.iter().map(|frame| frame.iter().map(|y| Some((*y)?.point)).collect()).collect();
-        let weights: Vec<Vec<f64>> =
-            targets.iter().map(|frame| frame.iter().map(|y| y.map_or(1.0, |y| y.weight)).collect()).collect();
+        let (points, weights) = points_and_weights(&targets);
         let axes = axes_of(model);
         let frame_noise = fits.noise(model, markers, &axes, &points, &weights)?;
         let channels = Channels::new(model, &fits.seen(model.n_velocities()));
@@ -150,7 +146,7 @@ impl MotionSmoother {
             start: states[0].q.clone(),
             states,
             scale,
-            noise: options.noise.unwrap_or(MarkerNoise::white(size.unwrap_or(NOISE))),
+            noise: options.noise.unwrap_or(MarkerNoise::white(size.unwrap_or(UNKNOWN_NOISE))),
             roughness: vec![ROUGHNESS; channels.n()],
             activity: vec![vec![1.0; channels.n()]; times.len() - 1],
             damping: DAMPING,
@@ -229,29 +225,9 @@ impl MotionSmoother {
             chi_squared(options.noise, frame_noise, search.noise, search.times, squares, n_over, 0.0)
         };
         let (whole, chi_squared_range) = chi_squared_of(sum(&posterior.squares), sum(&posterior.n_over));
-        let (mut worst, mut worst_limit, mut worst_time) = (None, f64::INFINITY, search.times[0]);
-        let mut excess = f64::NEG_INFINITY;
-        let last = search.times[search.times.len() - 1];
-        for (i, time) in search.times.iter().enumerate() {
-            if time + STRETCH > last && i > 0 {
-                break;
-            }
-            let end = search.times.partition_point(|t| *t <= time + STRETCH);
-            let n_over = sum(&posterior.n_over[i..end]);
-            if n_over < 1.0 {
-                continue;
-            }
-            let (found, _) = chi_squared_of(sum(&posterior.squares[i..end]), n_over);
-            let spacing = (search.times[end - 1] - time) / (end - i).max(2) as f64;
-            let repeats = 1.0 + search.noise.correlated.powi(2) * search.noise.time / spacing.max(1e-6);
-            let limit = chi_squared_quantile((n_over / repeats).max(1.0) as usize, CHANCE) + TOLERANCE;
-            if let Some(found) = found
-                && found - limit > excess
-            {
-                excess = found - limit;
-                (worst, worst_limit, worst_time) = (Some(found), limit, *time);
-            }
-        }
+        let of_stretch = |squares: f64, n_over: f64| chi_squared_of(squares, n_over).0;
+        let worst =
+            worst_stretch(search.times, search.noise, &posterior.squares, &posterior.n_over, &of_stretch);
         let (disturbance, step) = posterior.disturbance;
         let n_points = search.points.iter().flatten().flatten().count();
         let unseen = search.channels.unseen();
@@ -262,12 +238,12 @@ impl MotionSmoother {
         if status == SmoothingStatus::Converged {
             let is_within = whole.is_none_or(|x| (chi_squared_range[0]..=chi_squared_range[1]).contains(&x));
             if !is_determined
-                || carried_mass(model, &unseen) > UNSEEN * model.mass()
+                || carry_much(model, &unseen)
                 || unseen.iter().any(|k| model.velocities_of(0).contains(k))
             {
                 status = SmoothingStatus::Undetermined;
             } else if !is_within
-                || excess > 0.0
+                || worst.is_beyond()
                 || disturbance > MAX_DISTURBANCE
                 || posterior.n_outliers as f64 > OUTLIERS * n_points as f64
                 || beyond_limits.iter().any(BeyondLimit::is_far)
@@ -282,9 +258,9 @@ impl MotionSmoother {
             noise: search.noise,
             chi_squared: whole,
             chi_squared_range,
-            worst,
-            worst_limit,
-            worst_time,
+            worst: worst.found,
+            worst_limit: worst.limit,
+            worst_time: worst.time,
             disturbance,
             disturbance_limit: MAX_DISTURBANCE,
             disturbance_time: search.times[step],
@@ -294,4 +270,50 @@ impl MotionSmoother {
             iterations: search.iterations,
         })
     }
+}
+
+/// The fifth of a second whose residuals are largest against what chance allows.
+struct Stretch {
+    /// χ² per degree of freedom; none where nothing was measured beyond what the unknowns follow.
+    found: Option<f64>,
+    limit: f64,
+    time: f64,
+}
+
+impl Stretch {
+    fn is_beyond(&self) -> bool {
+        self.found.is_some_and(|found| found > self.limit)
+    }
+}
+
+/// The worst of the stretches that begin at each frame; of all frames where they last less.
+fn worst_stretch(
+    times: &[f64],
+    noise: MarkerNoise,
+    squares: &[f64],
+    n_over: &[f64],
+    chi_squared_of: &dyn Fn(f64, f64) -> Option<f64>,
+) -> Stretch {
+    let mut worst = Stretch { found: None, limit: f64::INFINITY, time: times[0] };
+    let mut excess = f64::NEG_INFINITY;
+    for (i, &time) in
+        times.iter().enumerate().take_while(|(i, t)| *i == 0 || *t + STRETCH <= times[times.len() - 1])
+    {
+        let end = times.partition_point(|t| *t <= time + STRETCH);
+        let over: f64 = n_over[i..end].iter().sum();
+        if over < 1.0 {
+            continue;
+        }
+        let spacing = (times[end - 1] - time) / (end - i).max(2) as f64;
+        let repeats = 1.0 + noise.correlated.powi(2) * noise.time / spacing.max(1e-6);
+        let limit = chi_squared_quantile((over / repeats).max(1.0) as usize, CHANCE) + TOLERANCE;
+        let found = chi_squared_of(squares[i..end].iter().sum(), over);
+        if let Some(x) = found
+            && x - limit > excess
+        {
+            excess = x - limit;
+            worst = Stretch { found, limit, time };
+        }
+    }
+    worst
 }

@@ -193,8 +193,9 @@ impl Search<'_> {
             };
             let arm = positions.pose(marker.body)?.point(&marker.point) - root;
             let error = root + arm * scale - point;
-            let along = |axis: usize| self.axes.get(axis).map_or(0.0, |axis| axis.dot(&error));
-            found.residuals.push(Some(Vector3::from_fn(|axis, _| along(axis))));
+            let mut counted = Vector3::zeros();
+            self.axes.iter().enumerate().for_each(|(k, axis)| counted[k] = axis.dot(&error));
+            found.residuals.push(Some(counted));
             if with_derivatives {
                 let frame = Transform::translation(marker.point);
                 positions.jacobian_into(marker.body, &frame, Axes::World, of_point)?;
@@ -260,13 +261,11 @@ impl Search<'_> {
         let mut told = vec![0.0; self.channels.n()];
         let mut add = |kind: Kind, value: f64, row: &[(usize, f64)]| {
             for (k, x) in row.iter().filter(|_| matches!(kind, Kind::Marker(_))) {
-                match (&mut corner, told.get_mut(*k)) {
-                    (Some([size, gradient]), _) if *k == COMMON => {
-                        *size += x * x;
-                        *gradient += x * value;
-                    }
-                    (_, Some(told)) => *told += x * x / frames.len() as f64,
-                    (_, None) => {}
+                if let (COMMON, Some([size, gradient])) = (*k, &mut corner) {
+                    *size += x * x;
+                    *gradient += x * value;
+                } else if *k < told.len() {
+                    told[*k] += x * x / frames.len() as f64;
                 }
             }
         };
@@ -310,12 +309,13 @@ impl Search<'_> {
                         } else {
                             carried_gradient.push((a - n, x * value));
                         }
-                        for (b, y) in row {
-                            match (*a < n, *b < n) {
-                                (true, true) if b <= a => block.matrix[(*a, *b)] += x * y,
-                                (false, false) if b <= a => carried.push((a - n, b - n, x * y)),
-                                (false, true) => block.coupling.push((a - n, *b, x * y)),
-                                _ => {}
+                        for (b, y) in row.iter().filter(|(k, _)| k <= a) {
+                            if *a < n {
+                                block.matrix[(*a, *b)] += x * y;
+                            } else if *b < n {
+                                block.coupling.push((a - n, *b, x * y));
+                            } else {
+                                carried.push((a - n, b - n, x * y));
                             }
                         }
                     }
@@ -390,10 +390,9 @@ impl Search<'_> {
         let Some(threshold) = self.threshold else { return };
         for (i, placed) in placed.iter().enumerate() {
             for (k, residual) in placed.residuals.iter().enumerate() {
-                let recorded = self.recorded[i][k];
-                let size = noise.size / (self.markers.markers()[k].weight * recorded).sqrt();
-                let distance = residual.map_or(0.0, |r| r.norm()) / size;
-                self.trust[i][k] = recorded * (threshold / distance).min(1.0);
+                let (weight, recorded) = (self.markers.markers()[k].weight, self.recorded[i][k]);
+                let distance = residual.map_or(0.0, |r| r.norm());
+                self.trust[i][k] = noise.trust(weight, recorded, distance, threshold);
             }
         }
     }
@@ -445,7 +444,7 @@ impl Search<'_> {
         factor.covariances(&mut |i, covariance| {
             self.expect_not_cancelled()?;
             let state = &self.states[i];
-            found.deviations[i] = self.channels.deviations(state, covariance.own);
+            found.deviations[i] = self.channels.deviations(state, covariance);
             // rows of the step to the next frame belong to that
             let mut add = |at: usize, kind: Kind, value: f64, row: &[(usize, f64)]| match kind {
                 Kind::Marker(marker) if self.is_outlier(at, marker) => found.n_over[at] -= 1.0,
