@@ -13,7 +13,7 @@ use crate::many::Rows;
 use crate::model::Model;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use somersault_core::argument::{expect_length, expect_range};
-use somersault_core::lanes::{InstructionSet, Kernel, Lanes, Packed, WIDEST};
+use somersault_core::lanes::{InstructionSet, Kernel, Lanes, Packed};
 use somersault_core::scalar::Lift;
 
 /// Shapes of one tree and the workspace to evaluate them, made when it is first used and used repeatedly. A clone has no shapes.
@@ -98,7 +98,8 @@ impl<L: Lanes> Room<L> for Groups<L> {
             groups: Vec::new(),
             q: vec![zero; n_q],
             v: vec![zero; n],
-            numbers: vec![0.0; (6 * n_shape + 18).max(n_q).max(n) * WIDEST],
+            // as many as these lanes need and no more, so that too few are too few on every processor
+            numbers: vec![0.0; (FRONT + 6 * n_shape).max(n_q).max(n) * L::WIDTH],
             alone: [vectors.clone(), vectors],
         }
     }
@@ -109,6 +110,9 @@ impl<L: Lanes> Room<L> for Groups<L> {
             && self.groups.first().is_none_or(|group| group.is_for(model))
     }
 }
+
+/// Numbers of a state beside the derivatives by its shape: angular velocity, its derivatives by orientation and by angular momentum.
+const FRONT: usize = 3 + 9 + 9;
 
 /// Numbers of lanes in memory, those of the lanes side by side.
 #[inline(always)]
@@ -222,7 +226,7 @@ impl Kernel for Derive<'_, '_> {
             let omega = &reduced.velocity.angular;
             store(omega.iter().chain(of_orientation.iter()).chain(of_momentum.iter()), numbers);
             let [of_shape, of_velocity] = flight.derive_in(lanes, group, &reduced);
-            let (front, rest) = numbers.split_at_mut(21 * L::WIDTH);
+            let (front, rest) = numbers.split_at_mut(FRONT * L::WIDTH);
             store(of_shape.iter().flat_map(|vector| vector.iter()), rest);
             store(of_velocity.iter().flat_map(|vector| vector.iter()), &mut rest[3 * n * L::WIDTH..]);
             for lane in 0..states.len() {
