@@ -16,16 +16,17 @@ use somersault::integrators::body::RigidBody;
 use somersault::integrators::exact::FreeBody;
 use somersault::integrators::state::RigidBodyState;
 use somersault::motion::analysis::Pca;
-use somersault::motion::fit::{FitOptions, Loss, MarkerFit, MarkerSet};
+use somersault::motion::fit::{FitOptions, Loss, MarkerFit, MarkerProtocol, MarkerSet};
 use somersault::motion::inertia::{InertiaOptions, estimate_inertia};
 use somersault::motion::recording::MarkerRecording;
+use somersault::motion::scaling::{ModelScaler, ScalingOptions};
 use somersault::motion::scoring::{
     Performance, RegressionMethod, ScoringOptions, ValidationOptions, validate,
 };
 use somersault::motion::smoothing::{MarkerNoise, MotionSmoother, SmoothingOptions};
 use somersault::motion::synthetic::{Perturbation, SyntheticFlight, synthetic_markers};
 use somersault::multibody::Model;
-use somersault::multibody::models::{Diver, Posture};
+use somersault::multibody::models::{Diver, Posture, SegmentScales};
 use std::f64::consts::PI;
 use std::hint::black_box;
 use std::time::Duration;
@@ -191,5 +192,26 @@ fn smoothed(c: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, fits, components, synthetic, validations, inertia, smoothed);
+/// Sizes of segments and offsets of markers, from frames that fold.
+fn scaled(c: &mut Criterion) {
+    let mut group = c.benchmark_group("model scaled by 50 frames");
+    group.sample_size(10);
+    for (name, diver) in [("planar", Diver::planar()), ("spatial", Diver::spatial())] {
+        let segments = SegmentScales::default().with("thigh", [1.05; 3]).expect("a segment");
+        let person = Diver { segments, ..diver };
+        let on = |diver: &Diver| MarkerSet::on_diver(diver, MarkerProtocol::PlugInGait).expect("a diver");
+        let (times, positions) = motion(&diver);
+        let model = person.model().expect("valid");
+        let seen =
+            synthetic_markers(&model, &on(&person), &times, &positions, 0.005, 1).expect("of the model");
+        let usual = diver.model().expect("valid");
+        let scaler = ModelScaler::try_new(&usual, on(&diver), ScalingOptions::default()).expect("valid");
+        group.bench_function(name, |b| {
+            b.iter(|| scaler.scale(black_box(&seen)).expect("common markers").iterations)
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, fits, components, synthetic, validations, inertia, smoothed, scaled);
 criterion_main!(benches);

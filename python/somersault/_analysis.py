@@ -410,17 +410,24 @@ def _optimum(
     )
 
 
+#: Segments whose lengths the planar diver takes over, with the bodies at whose joints they end.
+_ENDS = {"thigh": "shank", "shank": "foot", "upper_arm": "forearm", "forearm": "hand", "torso": "head"}
+
+
 def _planar(flight: ReconstructedFlight) -> multibody.Diver:
-    """The planar diver of the same mass and length of the thighs."""
-    model = flight.model
+    """The planar diver of the same mass and lengths of segments."""
 
-    def thigh(of: multibody.Model) -> float:
-        link = next(link for link in of.links if link.name.endswith("shank"))
-        return float(np.linalg.norm(link.origin))
+    def lengths(of: multibody.Model) -> dict[str, float]:
+        ends = {link.name.removeprefix("right_"): float(np.linalg.norm(link.origin)) for link in of.links}
+        return {segment: ends[end] for segment, end in _ENDS.items()}
 
-    reference = multibody.diver_planar()
-    height = reference.height * flight.scale * thigh(model) / thigh(reference.model)
-    return multibody.diver_planar(mass=model.mass, height=height)
+    model, reference = flight.model, multibody.diver_planar()
+    usual = lengths(reference.model)
+    sizes = {segment: length / usual[segment] for segment, length in lengths(model).items()}
+    thigh = sizes["thigh"]
+    diver = multibody.diver_planar(mass=model.mass, height=reference.height * flight.scale * thigh)
+    other = {segment: size / thigh for segment, size in sizes.items() if abs(size / thigh - 1.0) > 1e-9}
+    return diver.scaled(other) if other else diver
 
 
 def joint_angles(model: multibody.Model, q: Array) -> dict[str, Array]:

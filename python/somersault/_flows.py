@@ -416,6 +416,8 @@ def ftle_field(
         array = np.array(points, dtype=float)
     except (TypeError, ValueError) as error:
         raise InputError(f"`points` must be real numbers of shape (..., {n})") from error
+    except MemoryError as error:
+        raise InputError("the numbers of `points` need more memory than there is") from error
     if array.ndim == 0 or array.shape[-1] != n:
         raise InputError(f"`points` must be real numbers of shape (..., {n}), found shape {array.shape}")
     shape = array.shape[:-1]

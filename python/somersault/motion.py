@@ -3,12 +3,12 @@
 Readers bring files to one convention: m, s, x forward, y left and z up. A `MarkerRecording` has positions of
 named markers, with gaps; a `SkeletonRecording` a tree of joints and how they turned; a `KeypointRecording`
 what a pose estimator found; a `ChannelRecording` named numbers. Their `repairs` list what was put right in a
-file. A `MarkerFit` lays a model with a `MarkerSet` over markers; `smooth_motion` finds the smooth motion
-behind them, with velocities and accelerations; `reconstruct_flight` finds the flight behind them by the laws
-of flight, with its angular momentum, and `analyse` says what it was and what to do;
-`estimate_inertia` has the moments of a free rigid body, up to a factor, from its attitudes; `Pca`,
-`project` and `GroupComparison` describe motions; a `ScoringModel` learns scores, and `validate` measures
-how accurate they are.
+file. A `MarkerFit` lays a model with a `MarkerSet` over markers; `scale_model` gives it the sizes of a
+person; `smooth_motion` finds the smooth motion behind them, with velocities and accelerations;
+`reconstruct_flight` finds the flight behind them by the laws of flight, with its angular momentum, and
+`analyse` says what it was and what to do; `estimate_inertia` has the moments of a free rigid body, up to a
+factor, from its attitudes; `Pca`, `project` and `GroupComparison` describe motions; a `ScoringModel` learns
+scores, and `validate` measures how accurate they are.
 
 | Format | Reader | Writer | Of |
 |---|---|---|---|

@@ -1,11 +1,13 @@
 //! Named models: the divers' sizes, their inertia in published postures, the plane inside space; the arm's
 //! linearised optimal motion.
 
-use nalgebra::{DMatrix, Matrix3};
+use nalgebra::{DMatrix, Matrix3, Quaternion, UnitQuaternion, Vector3};
 use num_dual::Dual64;
-use somersault::multibody::models::{Diver, Posture, PostureError, TwoLinkArm};
+use somersault::multibody::models::{
+    BallJointedDiver, Diver, Posture, PostureError, SegmentScales, TwoLinkArm,
+};
 use somersault::multibody::{Data, DynamicsError, Model, ModelError, Split};
-use somersault_testkit::trees::Random;
+use somersault_testkit::trees::{self, Case, Random};
 
 /// Mass, centre of mass and inertia about it, world axes, of a diver frozen in the configuration q with
 /// the torso upright.
@@ -105,6 +107,139 @@ fn mass_and_inertia_scale_with_the_body() {
             assert!((inertia_ - expected).amax() < 1e-13 * expected.amax());
         }
     }
+}
+
+#[test]
+fn scaled_models_are_those_of_stretched_bodies() {
+    for Case { model, q, .. } in trees::cases(20) {
+        let mut random = Random::new(q.len() as u64);
+        let scales: Vec<Vector3<f64>> =
+            (0..model.n_bodies()).map(|_| Vector3::from_fn(|_, _| random.within(0.5, 2.0))).collect();
+        let scaled = model.scaled(&scales).unwrap();
+        let (mut data, mut of_scaled) = (Data::new(&model), Data::new(&scaled));
+        let (poses, found) =
+            (model.positions(&mut data, &q).unwrap(), scaled.positions(&mut of_scaled, &q).unwrap());
+        for i in 0..model.n_bodies() {
+            let (pose, other) = (poses.pose(i).unwrap(), found.pose(i).unwrap());
+            assert!((pose.rotation - other.rotation).amax() < 1e-12);
+            // what the joint adds stays, what the parent has is stretched
+            let Some(parent) = model.parent(i) else { continue };
+            let (of_parent, above) = (poses.pose(parent).unwrap(), found.pose(parent).unwrap());
+            let place = of_parent.rotation.tr_mul(&(pose.translation - of_parent.translation));
+            let origin = model.links()[i].origin();
+            let expected = above.point(&(place - origin + origin.component_mul(&scales[parent])));
+            assert!((other.translation - expected).norm() < 1e-12);
+        }
+        for ((link, other), scale) in model.links().iter().zip(scaled.links()).zip(&scales) {
+            // the mass as points at the ends of the axes of inertia
+            let (body, stretched) = (link.mass_properties(), other.mass_properties());
+            assert_eq!(body.mass, stretched.mass);
+            assert!((stretched.center - body.center.component_mul(scale)).norm() < 1e-14);
+            let second = Matrix3::from_diagonal_element(0.5 * body.inertia.trace()) - body.inertia;
+            let of_points = second.symmetric_eigen();
+            let mut expected = Matrix3::zeros();
+            for (size, axis) in of_points.eigenvalues.iter().zip(of_points.eigenvectors.column_iter()) {
+                let p = axis.component_mul(scale) * size.max(0.0).sqrt();
+                expected += Matrix3::from_diagonal_element(p.norm_squared()) - p * p.transpose();
+            }
+            assert!((stretched.inertia - expected).amax() < 1e-12 * (1.0 + expected.amax()));
+        }
+    }
+}
+
+#[test]
+fn segments_of_divers_have_sizes_of_their_own() {
+    let scales = [("thigh", [1.1; 3]), ("torso", [1.0, 1.2, 0.9]), ("toes", [0.8; 3])];
+    let segments = scales
+        .iter()
+        .try_fold(SegmentScales::default(), |all, (name, scale)| all.with(name, *scale))
+        .unwrap();
+    let (spatial, planar) = (Diver { segments, ..Diver::spatial() }, Diver { segments, ..Diver::planar() });
+    let origin = |diver: Diver, name: &str| {
+        let model = diver.model().unwrap();
+        *model.links()[model.body(name).unwrap()].origin()
+    };
+    for side in ["right", "left"] {
+        let [knee, shoulder] = ["shank", "shoulder_flexion"].map(|part| format!("{side}_{part}"));
+        let usual = origin(Diver::spatial(), &knee);
+        assert!((origin(spatial, &knee) - usual * 1.1).norm() < 1e-15);
+        let usual = origin(Diver::spatial(), &shoulder).component_mul(&Vector3::new(1.0, 1.2, 0.9));
+        assert!((origin(spatial, &shoulder) - usual).norm() < 1e-15);
+    }
+    assert!((origin(planar, "shank") - origin(Diver::planar(), "shank") * 1.1).norm() < 1e-15);
+    // both have the same mass at the same height
+    let [a, b] = [spatial, planar].map(|diver| {
+        let model = diver.model().unwrap();
+        let mut data = Data::new(&model);
+        let standing = diver.configuration(Posture::B).unwrap();
+        (model.mass(), model.positions(&mut data, &standing).unwrap().center_of_mass())
+    });
+    assert!((a.0 - b.0).abs() < 1e-12 && (a.1.xz() - b.1.xz()).norm() < 1e-12, "{a:?} {b:?}");
+    assert_eq!((segments.of("right_toes"), segments.of("waist")), (Some([0.8; 3]), None));
+    let unknown = SegmentScales::default().with("tail", [1.0; 3]).unwrap_err().to_string();
+    assert!(unknown.starts_with("a segment of a diver must be one of torso, pelvis,"), "{unknown}");
+    for bad in [0.0, f64::NAN, 1e3] {
+        let segments = SegmentScales::default().with("hand", [1.0, bad, 1.0]).unwrap();
+        let refused = Diver { segments, ..Diver::spatial() }.model();
+        assert!(matches!(refused, Err(ModelError::Argument(_))), "{bad}");
+    }
+    let model = Diver::planar().model().unwrap();
+    assert!(matches!(model.scaled(&[]), Err(ModelError::Argument(_))));
+}
+
+#[test]
+fn the_diver_with_balls_is_that_with_hinges_where_these_turn() {
+    let hinged = Diver { mass: 58.0, height: 1.62, ..Diver::spatial() };
+    let diver = BallJointedDiver(hinged);
+    let (hinges, balls) = (hinged.model().unwrap(), diver.model().unwrap());
+    assert_eq!((balls.n_bodies(), balls.n_velocities()), (17, 34));
+    assert_eq!(diver.dof_names().unwrap().len(), 34);
+    assert!((balls.mass() - hinges.mass()).abs() < 1e-12);
+    let (mut data, mut of_balls) = (Data::new(&hinges), Data::new(&balls));
+    for posture in Posture::ALL {
+        let (q, p) = (hinged.configuration(posture).unwrap(), diver.configuration(posture).unwrap());
+        let (known, found) =
+            (hinges.positions(&mut data, &q).unwrap(), balls.positions(&mut of_balls, &p).unwrap());
+        assert!((known.center_of_mass() - found.center_of_mass()).norm() < 1e-13);
+        for (i, link) in balls.links().iter().enumerate() {
+            let (a, b) = (known.pose(hinges.body(link.name()).unwrap()).unwrap(), found.pose(i).unwrap());
+            assert!((a.translation - b.translation).norm() + (a.rotation - b.rotation).amax() < 1e-13);
+        }
+        // its angles are those of the hinges, and no others; where two axes of a shoulder coincide they are other ones
+        for (name, angle) in diver.angles(&p).unwrap() {
+            let hinge = hinged.dof_names().iter().position(|known| *known == name);
+            let expected = hinge.map_or(0.0, |k| q[k + 1]);
+            let coincides = name.contains("shoulder") && [Posture::C, Posture::G].contains(&posture);
+            assert!((angle - expected).abs() < 1e-9 || coincides, "{posture} {name}: {angle} {expected}");
+        }
+    }
+}
+
+#[test]
+fn angles_of_balls_make_their_rotations() {
+    let diver = BallJointedDiver(Diver::spatial());
+    let model = diver.model().unwrap();
+    let (x, y, z) = (Vector3::x(), Vector3::y(), Vector3::z());
+    let mut random = Random::new(8);
+    for _ in 0..200 {
+        let q = trees::random_configuration(&mut random, &model).unwrap();
+        let angles = diver.angles(&q).unwrap();
+        let angle = |name: &str| angles.iter().find(|(known, _)| known == name).unwrap().1;
+        for (body, names, axes) in [
+            ("pelvis", ["pelvis_twist", "pelvis_bend", "pelvis_lean"], [z, -y, x]),
+            ("head", ["neck", "neck_lean", "neck_turn"], [y, x, z]),
+            ("right_thigh", ["right_hip", "right_hip_abduction", "right_hip_rotation"], [-y, -x, z]),
+            ("left_thigh", ["left_hip", "left_hip_abduction", "left_hip_rotation"], [-y, x, -z]),
+        ] {
+            let own = &q[model.positions_of(model.body(body).unwrap())];
+            let turn = UnitQuaternion::new_normalize(Quaternion::new(own[3], own[0], own[1], own[2]));
+            let made = names.iter().zip(axes).fold(UnitQuaternion::identity(), |made, (name, axis)| {
+                made * UnitQuaternion::new(axis * angle(name))
+            });
+            assert!(made.angle_to(&turn) < 1e-7, "{body}");
+        }
+    }
+    assert!(diver.angles(&[0.0; 3]).is_err());
 }
 
 /// I_y in lb in s², weight in lb and height in inches of three living men, positions 1 (standing) and 2 (arms

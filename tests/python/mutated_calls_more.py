@@ -679,6 +679,21 @@ motion.smooth_motion(
     freedom=3.0,
     max_iterations=2,
 )
+motion.scale_model(
+    paired_centres,
+    motion.MarkerRecording(places.names, places.times, blurred),
+    groups={"legs": ["thigh", "shank"], "trunk": {"torso": "xy"}},
+    size_deviation=0.1,
+    group_deviation=0.05,
+    offset_deviation=0.01,
+    noise=0.005,
+    threshold=4.0,
+    max_frames=5,
+    max_iterations=3,
+)
+tall = multibody.diver_spatial()
+tall.scaled({"right_thigh": 1.05, "torso": (1.0, 1.1, 1.0)})
+tall.model.scaled({"right_thigh": 1.05, "torso": (1.0, 1.1, 1.0)})
 motion.what_if(
     fallen,
     opening=0.0,

@@ -340,6 +340,36 @@ def test_a_file_becomes_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert main(["analyse", str(tmp_path / "none.trc"), "--diver", str(diver)]) == 2
 
 
+def test_a_trial_gives_the_size_of_the_diver(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file, diver, page = tmp_path / "late.trc", tmp_path / "me.toml", tmp_path / "late.html"
+    motion.write_trc(file, dive("H", 3, "opened late", 1)[0])
+    straight, pike = DIVER.configuration("A"), DIVER.configuration("H")
+    q = np.linspace(straight, 0.5 * (straight + pike), 30)
+    shown = motion.place_markers(motion.MarkerSet.joint_centres(DIVER.model), np.arange(30) / 50, q)
+    blur = np.random.default_rng(1).normal(0.0, 0.002, shown.points.shape)
+    motion.write_trc(
+        tmp_path / "trial.trc", motion.MarkerRecording(shown.names, shown.times, shown.points + blur)
+    )
+    with_trial = 'trial = "trial.trc"\n' + DOCUMENT + "[scaling]\noffset_deviation = 0.0\n"
+    diver.write_text(with_trial)
+    assert main(["analyse", str(file), "--diver", str(diver), "--out", str(page)]) == 0
+    said = capsys.readouterr().err
+    assert "trial.trc: converged" in said and re.search(r"thigh (1\.0|0\.99)", said)
+    # another trial is another diver
+    folder = tmp_path / "season"
+    folder.mkdir()
+    file.rename(folder / "late.trc")
+    command = ["analyse", str(folder), "--diver", str(diver), "--out", str(tmp_path / "pages")]
+    assert main(command) == 0
+    assert main(command) == 0 and "late.trc: done before" in capsys.readouterr().err
+    motion.write_trc(
+        tmp_path / "trial.trc", motion.MarkerRecording(shown.names, shown.times, shown.points - blur)
+    )
+    assert main(command) == 0 and "done before" not in capsys.readouterr().err
+    diver.write_text(with_trial.replace("trial.trc", "none.trc"))
+    assert main(command) == 2 and "none.trc" in capsys.readouterr().err
+
+
 def test_key_points_of_one_camera_become_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     markers = motion.MarkerSet.on_diver(DIVER, "body_25")
     rate = spin("H", 3)

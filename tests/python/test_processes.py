@@ -268,6 +268,7 @@ LONG = {
     "derivatives": "contact.differentiate(top.body, top.state, (0, 1e3), dt=1e-5, contacts=top.contacts)",
     "spectrum": "ftla.VariationalFlow(ftla.arm()).spectrum([-1.5, 0.05, 0, 0, -0.2, -0.01, -1.3, -0.1], 1e6)",
     "smoothing": "motion.smooth_motion(CENTRES, STILL)",
+    "scaling": "motion.scale_model(CENTRES, STILL, max_frames=900)",
     "components": "motion.Pca(np.random.default_rng(0).normal(size=(3000, 3000)))",
     "rows": "diver.mass_matrix(np.zeros((10**5, diver.n_positions)) + diver.neutral())",
     "batch": "somersault.batch.integrate_batch(BODY, [START] * 2000, (0.0, 100.0), 1e-4)",

@@ -226,6 +226,13 @@ def smoothed() -> motion.SmoothedMotion:
 
 
 @cache
+def scaled() -> motion.ScaledModel:
+    q = np.tile(multibody.diver_planar().configuration("A"), (3, 1))
+    markers = motion.MarkerSet.joint_centres(multibody.diver_planar().model)
+    return motion.scale_model(markers, motion.place_markers(markers, [0.0, 0.1, 0.2], q), noise=0.01)
+
+
+@cache
 def tumbled() -> motion.InertiaEstimate:
     body = somersault.RigidBody(1.0, (1.0, 2.0, 2.5))
     tumble = somersault.exact.FreeBody(body, somersault.State(angular_velocity=(0.3, 1.0, 0.4)))
@@ -426,6 +433,7 @@ MADE: dict[str, Callable[[], Any]] = {
     "MarkerSet": lambda: motion.MarkerSet.joint_centres(ARM),
     "MotionFit": fit,
     "ReconstructedFlight": reconstructed,
+    "ScaledModel": scaled,
     "SmoothedMotion": smoothed,
     "Pca": lambda: motion.Pca(np.eye(3)),
     "Performance": lambda: dives().performances()[0],

@@ -190,6 +190,7 @@ SHOWN: dict[str, Callable[[pytest.FixtureRequest, Path], Any]] = {
     "MarkerRecording of a CSV": lambda _, folder: reread("csv", motion.write_csv, folder),
     "SkeletonRecording": lambda _, __: motion.read_bvh(HERE / "motions" / "bvhio.bvh", unit="cm"),
     "MotionFit": lambda _, __: motion.MarkerFit(MARKERS).fit(seen()),
+    "ScaledModel": lambda _, __: motion.scale_model(MARKERS, seen(), noise=0.01, max_frames=5),
     "SmoothedMotion": lambda _, __: motion.smooth_motion(MARKERS, seen(), noise=0.01),
     "ReconstructedFlight": lambda _, __: motion.reconstruct_flight(MARKERS, seen(), noise=0.01),
     "WhatIf": lambda _, __: motion.what_if(

@@ -43,6 +43,14 @@ _NOISE = 0.005
 _VIDEO = 0.03
 #: And of those that cameras track, m.
 _BLUR = 0.01
+#: Sizes of a person over those of the usual diver, along x forward, y outwards and z up.
+_PERSON = {
+    "torso": (0.96, 1.04, 0.96),
+    "pelvis": (1.0, 1.08, 1.0),
+    "thigh": (1.07, 1.07, 1.07),
+    "shank": (0.97, 0.97, 0.97),
+    "forearm": (1.05, 1.05, 1.05),
+}
 _FRAMES = 60
 _COLOURS = ("#4477aa", "#cc6677", "#228833", "#ccbb44", "#66ccee", "#aa3377")
 _JOINTS = (("hip", "thigh"), ("knee", "shank"), ("ankle", "foot"), ("toes", "toes"))
@@ -227,6 +235,7 @@ def _synthetic(page: Page, measurements: Measurements) -> None:
     scene.add(diver.model, recordings[name].times, recordings[name].q, label="synthetic motion")
     scene.add(fits[name], label="fitted diver", panel=1)
     frame(page, scene, "recorded", "The over-rotated flight, and the diver fitted to its markers.")
+    _proportions(page)
     _ground(page)
     _flight(page)
     _advice(page)
@@ -318,6 +327,76 @@ def _flight(page: Page) -> None:
         (words("quantity"), "found", "standard deviation", "truth"),
         [[words(name), *(number(float(x), 3) for x in values)] for name, *values in rows],
         f"The search says: {flight.message}. Noise found: {1e3 * flight.noise[0]:.1f} mm.",
+    )
+
+
+def _trial() -> tuple[motion.MarkerSet, motion.MarkerRecording]:
+    """Markers on the usual diver, and a person of other proportions who moves all joints."""
+    usual = multibody.diver_ball_jointed()
+    person = usual.scaled(_PERSON)
+    rng = np.random.default_rng(4)
+    t = np.linspace(0.0, 2.0, 61)
+    swing = 0.4 * np.sin(np.outer(t, rng.uniform(2.0, 5.0, usual.model.n_velocities)))
+    swing[:, :6] = 0.0
+    q = np.array([usual.model.displace(usual.configuration("B"), v) for v in swing])
+    for link in usual.model.links:
+        if link.limits is not None:
+            place = usual.model.positions_of(link.name)
+            q[:, place] = np.clip(q[:, place], *link.limits)
+    placed = motion.place_markers(motion.MarkerSet.on_diver(person, "plug_in_gait"), t, q)
+    points = placed.points + rng.normal(0.0, _NOISE, placed.points.shape)
+    markers = motion.MarkerSet.on_diver(usual, "plug_in_gait")
+    return markers, motion.MarkerRecording(placed.names, t, points)
+
+
+def _sizes(found: motion.ScaledModel) -> Axes:
+    """Sizes of segments with two deviations to each side, and the true ones."""
+    ax = plt.figure(figsize=(6.4, 3.6), layout="constrained").subplots()
+    names = list(found.scales)
+    for k, name in enumerate(names):
+        deviation = found.scale_deviations[name]
+        ax.errorbar(found.scales[name], k, xerr=2 * deviation, color=_COLOURS[0], fmt="o", ms=4, lw=1.4)
+        segment, _, width = name.partition(" ")
+        true = _PERSON.get(segment, (1.0, 1.0, 1.0))
+        ax.plot(true[1] if width else true[2], k, marker="|", ms=14, mew=1.6, color="0.25")
+    ax.set_yticks(range(len(names)), names)
+    ax.invert_yaxis()
+    ax.set(xlabel="size over that of the usual diver")
+    ax.grid(color="0.92", axis="x")
+    return ax
+
+
+def _proportions(page: Page) -> None:
+    """A model scaled to a person."""
+    markers, trial = _trial()
+    found = motion.scale_model(markers, trial)
+    page.section("A body of the person's proportions")
+    page.text(
+        "A model has usual proportions, and people have others. <code>motion.scale_model</code> finds"
+        " the sizes of segments and the places of markers on them, from a recording in which all joints"
+        " move. The diver here has ball joints at waist, neck, hips and shoulders, so that its legs spread"
+        " as those of people; the person is SYNTHETIC, with markers of Plug-in Gait seen with noise of"
+        f" {1e3 * _NOISE:g} mm."
+    )
+    page.code("body = motion.scale_model(markers, trial)\nbody.scales, body.offsets, body.markers")
+    page.figure(
+        "scaled-sizes",
+        _sizes(found),
+        "Sizes of the groups of segments that were found, with two standard deviations to each side. Upright"
+        " strokes are the true sizes.",
+        "Dots with horizontal bars beside upright strokes, which the bars reach",
+    )
+    fits = (
+        motion.MarkerFit(markers, common_scale=True).fit(trial),
+        motion.MarkerFit(found.markers, scale=1.0).fit(trial),
+    )
+    page.table(
+        (words("model"), "root mean square of the residuals, mm"),
+        [
+            [words(name), number(1e3 * fit.rms, 1)]
+            for name, fit in zip(("usual diver, of one size", "scaled diver"), fits, strict=True)
+        ],
+        f"The search says: {found.message}. Noise found: {1e3 * found.noise:.1f} mm.",
     )
 
 

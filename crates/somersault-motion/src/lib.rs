@@ -12,6 +12,7 @@
 //! | files ↔ markers, skeletons | [`readers`], [`writers`] | 4.1.1 |
 //! | gaps, resampling, joint centres | [`recording`] | 4.1.1 |
 //! | markers → scale, pose, joint angles or eigenweights of a model | [`fit`] | 4.2 |
+//! | markers → sizes of segments and places of markers | [`scaling`] | – |
 //! | heights, markers → take-off and entry | [`phases`] | – |
 //! | markers of any motion → a smooth motion with velocities and accelerations | [`smoothing`] | – |
 //! | markers of a flight → momentum and motion that obey the laws of flight | [`reconstruction`] | – |
@@ -46,6 +47,7 @@ pub mod phases;
 pub mod readers;
 pub mod reconstruction;
 pub mod recording;
+pub mod scaling;
 pub mod scoring;
 pub mod smoothing;
 pub mod synthetic;

@@ -6,6 +6,9 @@ use somersault_core::argument::ArgumentError;
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ModelError {
+    /// An argument that is not allowed.
+    #[error(transparent)]
+    Argument(#[from] ArgumentError),
     /// A model needs a body.
     #[error("the model has no body")]
     Empty,
@@ -125,6 +128,14 @@ pub enum ModelError {
     MimicCycle {
         /// The body.
         name: String,
+    },
+    /// A diver has no such segment.
+    #[error("a segment of a diver must be one of {known}, found `{name}`")]
+    UnknownSegment {
+        /// The name.
+        name: String,
+        /// Those there are.
+        known: String,
     },
     /// Only revolute and prismatic joints have limits.
     #[error("the joint of `{name}` has no single coordinate to limit")]

@@ -70,6 +70,15 @@ impl MassProperties {
         Self { inertia: (inertia + inertia.transpose()) * 0.5, ..*self }
     }
 
+    /// The same mass in a body that is `scale` times as long along each of its axes: its centre is at S c, and the second moments
+    /// Σ = ½ tr(I) 1 − I of its mass are S Σ S, with S = diag(`scale`).
+    pub(crate) fn scaled(&self, scale: &Vector3<f64>) -> Self {
+        let second = Matrix3::from_diagonal_element(0.5 * self.inertia.trace()) - self.inertia;
+        let second = second.component_mul(&(scale * scale.transpose()));
+        let inertia = Matrix3::from_diagonal_element(second.trace()) - second;
+        Self { center: self.center.component_mul(scale), inertia, ..*self }
+    }
+
     /// Principal moments about the centre of mass, kg m².
     pub fn principal_moments(&self) -> [f64; 3] {
         SymmetricEigen::new(self.inertia).eigenvalues.into()

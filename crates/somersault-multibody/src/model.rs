@@ -8,6 +8,7 @@ use crate::link::Link;
 use crate::mimic::Mimic;
 use crate::spatial::{Direction, Motion, Transform};
 use nalgebra::Vector3;
+use somersault_core::argument::{expect_length, expect_range};
 use somersault_core::scalar::{Lift, Scalar};
 use std::collections::HashMap;
 use std::ops::Range;
@@ -62,6 +63,41 @@ impl Model {
     pub(crate) fn from_links(links: Vec<Link>, gravity: Vector3<f64>) -> Result<Self, ModelError> {
         let sources = sources(&links)?;
         Ok(Self::compile(links.into(), sources.into(), gravity))
+    }
+
+    /// The same tree with bodies of other sizes, whose masses it keeps: body i is `scales[i]` times as long along each of its axes.
+    ///
+    /// With S_i = diag(`scales[i]`), joints that a body carries, and its centre of mass, go from p to S_i p; the second moments Σ of
+    /// its mass about its centre to S_i Σ S_i. Where the joint of the root is in the world, coordinates of prismatic joints
+    /// and all limits stay. Each number must be from 0.01 to 100.
+    ///
+    /// ```
+    /// use nalgebra::Vector3;
+    /// use somersault_multibody::models::Diver;
+    ///
+    /// let model = Diver::spatial().model()?;
+    /// let mut scales = vec![Vector3::repeat(1.0); model.n_bodies()];
+    /// scales[model.body("right_thigh")?].z = 1.1;
+    /// let longer = model.scaled(&scales)?;
+    /// let length = |of: &somersault_multibody::Model| of.links()[of.body("right_shank").unwrap()].origin().norm();
+    /// assert!((length(&longer) / length(&model) - 1.1).abs() < 1e-12 && longer.mass() == model.mass());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn scaled(&self, scales: &[Vector3<f64>]) -> Result<Self, ModelError> {
+        expect_length("scales", scales.len(), self.n_bodies())?;
+        for scale in scales.iter().flatten() {
+            expect_range("scales", *scale, "from 0.01 to 100", |x| (0.01..=100.0).contains(&x))?;
+        }
+        let link = |(i, link): (usize, &Link)| {
+            let mut link = link.clone();
+            link.mass = link.mass.scaled(&scales[i]);
+            if let Some(parent) = self.bodies[i].parent {
+                link.origin.component_mul_assign(&scales[parent]);
+            }
+            link.validate()
+        };
+        let links = self.links.iter().enumerate().map(link).collect::<Result<_, _>>()?;
+        Self::from_links(links, self.standard_gravity)
     }
 }
 

@@ -45,7 +45,7 @@ def analyse(arguments: argparse.Namespace) -> int:
     document = read(arguments.diver, "diver")
     work = _analyser(document)
     if arguments.path.is_dir():
-        return _folder(arguments, work)
+        return _folder(arguments, work, _trial(document))
     page = arguments.out or Path(f"{arguments.path.stem}.html")
     tables.check_page(page)
     tables.check_distinct(arguments.path, out=page)
@@ -70,6 +70,9 @@ def _analyser(document: Document) -> Callable[[Path], motion.FlightAnalysis]:
         diver = make(**sizes)
     with document.at("markers"):
         markers = _markers(diver, values)
+    if (trial := _trial(document)) is not None:
+        with document.at("trial"):
+            markers = _scaled(markers, trial, values)
     options = dict(values.get("flight", {}))
     for name in ("interval", "scale", "noise"):
         if isinstance(options.get(name), list):
@@ -102,16 +105,44 @@ def _markers(diver: multibody.Diver, values: dict[str, Any]) -> motion.MarkerSet
     return motion.MarkerSet(diver.model, places) if places else motion.MarkerSet.joint_centres(diver.model)
 
 
-def _folder(arguments: argparse.Namespace, work: Callable[[Path], motion.FlightAnalysis]) -> int:
+def _trial(document: Document) -> Path | None:
+    """The recording that shows how large the diver is, beside the document if its path is relative."""
+    given = document.values.get("trial")
+    return None if given is None else document.path.parent / given
+
+
+def _scaled(markers: motion.MarkerSet, trial: Path, values: dict[str, Any]) -> motion.MarkerSet:
+    """The markers on a diver of the size that a trial shows."""
+    from somersault import motion
+    from somersault._analysis import markers_of
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ReadWarning)
+        read_ = motion.read_file(trial, **values.get("read", {}))
+    recording = markers_of(read_, str(trial), values.get("keypoints"))
+    found = motion.scale_model(markers, recording, **values.get("scaling", {}))
+    if not found.success:
+        raise InputError(f"{trial}: {found.message}")
+    sizes = ", ".join(
+        f"{name} {size:.3f} ± {found.scale_deviations[name]:.3f}" for name, size in found.scales.items()
+    )
+    print(f"{trial}: {found.message}; sizes: {sizes}", file=sys.stderr)
+    return found.markers
+
+
+def _folder(
+    arguments: argparse.Namespace, work: Callable[[Path], motion.FlightAnalysis], trial: Path | None
+) -> int:
     """A page and a record for each file, a table of all; what is done already is not done again."""
     out = arguments.out or arguments.path / "analysis"
     if out.suffix:
         raise InputError(f"`--out` must be a folder for a folder of recordings, found {out}")
-    files = sorted(file for file in arguments.path.iterdir() if file.suffix.lower() in _ENDINGS)
+    found = (file for file in arguments.path.iterdir() if file.suffix.lower() in _ENDINGS)
+    files = sorted(file for file in found if trial is None or not file.samefile(trial))
     if not files:
         raise InputError(f"{arguments.path}: there is no recording; endings are {', '.join(_ENDINGS)}")
     out.mkdir(parents=True, exist_ok=True)
-    diver = arguments.diver.read_bytes()
+    diver = arguments.diver.read_bytes() + (b"" if trial is None else trial.read_bytes())
     rows = []
     for file in files:
         key = hashlib.sha256(diver + b"\0" + file.read_bytes()).hexdigest()

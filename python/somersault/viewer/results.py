@@ -226,6 +226,7 @@ MOTIONS: dict[type, Callable[[Any], Subject]] = {
     motion.KeypointRecording: _of_keypoints,
     motion.MotionFit: _of_fit,
     motion.ReconstructedFlight: lambda flight: _of_size(flight.model, flight.scale, flight.times, flight.q),
+    motion.ScaledModel: lambda found: Subject(found.model, found.times, found.q),
     motion.SkeletonRecording: _of_skeleton,
     motion.SmoothedMotion: lambda found: _of_size(found.model, found.scale, found.times, found.q),
     motion.WhatIf: lambda found: _of_size(found.model, found.flight.scale, found.t, found.q),

@@ -143,9 +143,9 @@ class Scene:
             `t`, or a result alone, which has both: a Solution, Trajectory or TreeSolution; a DiveSolution
             or LiteralDive; the Report or the Motion of a problem, or the best of a search; what
             collocation or a search for an extremal of a tree returns; a recording of markers or of a
-            skeleton; a MotionFit or a SmoothedMotion; a ReconstructedFlight, a WhatIf or a FlightAnalysis;
-            a SyntheticDive. A Solution brings its surfaces too, and so does the TreeSolution of a tree in
-            contact.
+            skeleton; a MotionFit, a ScaledModel or a SmoothedMotion; a ReconstructedFlight, a WhatIf or a
+            FlightAnalysis; a SyntheticDive. A Solution brings its surfaces too, and so does the TreeSolution
+            of a tree in contact.
         t : array_like, shape (n,)
             Times, s, rising. Those of several motions are on one clock.
         q : array_like, shape (n, n_positions), or (n, 7) for a rigid body

@@ -9,7 +9,7 @@ use crate::laws::coulomb::CoulombFriction;
 use crate::surface::{HalfSpace, Surface};
 use crate::tree::LinkContact;
 use nalgebra::Vector3;
-use somersault_multibody::models::Diver;
+use somersault_multibody::models::{BallJointedDiver, Diver};
 use somersault_multibody::{Joint, Link, Model};
 use std::sync::Arc;
 
@@ -70,10 +70,10 @@ impl Ragdoll {
 
     /// The tree with its contacts, actuators and start.
     pub fn system(&self) -> Result<TreeContactSystem, ModelError> {
-        let figure = self.body.model()?;
+        let figure = BallJointedDiver(self.body).model()?;
         let mut builder = Model::builder().with_gravity(*figure.gravity());
-        for link in figure.links().iter().filter(|link| link.mass_properties().mass > 0.0) {
-            builder.add(self.limp(&figure, link)?)?;
+        for link in figure.links() {
+            builder.add(self.limp(link))?;
         }
         let model = builder.build()?;
         let (mut actuators, mut q) = (Vec::new(), model.neutral());
@@ -99,22 +99,14 @@ impl Ragdoll {
         Ok(TreeContactSystem { model, contacts, actuators: JointActuators(actuators), q, v })
     }
 
-    /// A segment on the joint it has here, below the next segment with mass.
-    fn limp(&self, figure: &Model, link: &Link) -> Result<Link, ModelError> {
+    /// A segment with friction in its ball, and without limits.
+    fn limp(&self, link: &Link) -> Link {
+        let damping = if matches!(link.joint(), Joint::Spherical) { self.damping } else { 0.0 };
         let mass = *link.mass_properties();
-        let Some(mut parent) = link.parent() else {
-            return Ok(Link::root(link.name(), Joint::Free, mass));
-        };
-        let mut origin = *link.origin();
-        // the axes of a joint of several hinges are at one place
-        while let Some(above) = figure.links().get(figure.body(parent)?) {
-            let (true, Some(next)) = (above.mass_properties().mass == 0.0, above.parent()) else { break };
-            origin += above.origin();
-            parent = next;
+        let made = Link::root(link.name(), *link.joint(), mass).at(*link.origin()).with_damping(damping);
+        match link.parent() {
+            Some(parent) => made.carried_by(parent),
+            None => made,
         }
-        let is_ball = ["pelvis", "head", "thigh", "upper_arm"].iter().any(|part| link.name().ends_with(part));
-        let joint = if is_ball { Joint::Spherical } else { *link.joint() };
-        let damping = if is_ball { self.damping } else { 0.0 };
-        Ok(Link::child(link.name(), parent, joint, mass).at(origin).with_damping(damping))
     }
 }

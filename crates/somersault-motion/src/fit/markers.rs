@@ -32,7 +32,7 @@ impl Marker {
 /// The markers of a model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MarkerSet {
-    markers: Vec<Marker>,
+    pub(super) markers: Vec<Marker>,
 }
 
 impl MarkerSet {

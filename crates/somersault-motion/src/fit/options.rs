@@ -91,7 +91,7 @@ pub enum Loss {
 
 impl Loss {
     /// ρ(e²) and ρ′(e²), the weight of the marker in least squares.
-    pub(super) fn evaluate(self, squared: f64) -> (f64, f64) {
+    pub(crate) fn evaluate(self, squared: f64) -> (f64, f64) {
         match self {
             Self::Huber(threshold) if squared > threshold * threshold => {
                 let distance = squared.sqrt();

@@ -1,7 +1,7 @@
 //! Markers of a diver by the names that motion capture and pose estimation have for them.
 //!
 //! Each protocol is a table of names with places on the standing reference diver of 1.70 m, in metres: x forward, y outwards, z up, in axes of
-//! a segment, whose origin is the joint nearer to the trunk. Places go with the height.
+//! a segment, whose origin is the joint nearer to the trunk. Places go with the height, and with the sizes of the segments.
 //!
 //! Joint centres, the top of the head, the notch of the breastbone and its tip are those of the diver's segments (P. de Leva, J. Biomech. 29 (1996)
 //! 1223). The spines of the pelvis are by the regression of M. E. Harrington et al., J. Biomech. 40 (2007) 595, solved for them at a width of
@@ -11,7 +11,7 @@
 use super::{FitError, Marker, MarkerSet};
 use nalgebra::Vector3;
 use somersault_multibody::Data;
-use somersault_multibody::models::{Dimension, Diver};
+use somersault_multibody::models::{BallJointedDiver, Dimension, Diver};
 
 /// Names that programs and laboratories give to markers, joint centres or key points.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -243,7 +243,9 @@ impl MarkerSet {
         let (mut data, mut of_standing) = (Data::new(&model), Data::new(&standing));
         let poses = model.positions(&mut data, &model.neutral())?;
         let of_standing = standing.positions(&mut of_standing, &standing.neutral())?;
-        let marker = |name: String, body: &str, point: Vector3<f64>| -> Result<Marker, FitError> {
+        let marker = |name: String, body: &str, [x, y, z]: [f64; 3]| -> Result<Marker, FitError> {
+            let segment = Vector3::from(diver.segments.of(body).unwrap_or([1.0; 3]));
+            let point = Vector3::new(x, y, z).component_mul(&segment) * stretch;
             let (body, point) = match diver.dimension {
                 Dimension::Spatial => (model.body(body)?, point),
                 Dimension::Planar => {
@@ -257,20 +259,31 @@ impl MarkerSet {
             Ok(Marker { name, body, point, weight: 1.0 })
         };
         let mut markers = Vec::new();
-        for (name, (body, [x, y, z])) in protocol.single() {
-            markers.push(marker((*name).to_owned(), body, Vector3::new(*x, *y, *z) * stretch)?);
+        for (name, (body, point)) in protocol.single() {
+            markers.push(marker((*name).to_owned(), body, *point)?);
         }
         for ([right, left], parts) in protocol.pairs() {
             for (part, (body, [x, y, z])) in *parts {
                 for (side, [before, after], sign) in [("right", right, -1.0), ("left", left, 1.0)] {
                     let body =
                         if IN_PAIRS.contains(body) { format!("{side}_{body}") } else { (*body).to_owned() };
-                    let point = Vector3::new(*x, sign * y, *z) * stretch;
-                    markers.push(marker(format!("{before}{part}{after}"), &body, point)?);
+                    markers.push(marker(format!("{before}{part}{after}"), &body, [*x, sign * y, *z])?);
                 }
             }
         }
         Self::try_new(&model, markers)
+    }
+
+    /// The same on a diver with ball joints, whose model they are for.
+    pub fn on_ball_jointed(diver: &BallJointedDiver, protocol: MarkerProtocol) -> Result<Self, FitError> {
+        let hinged = Diver { dimension: Dimension::Spatial, ..diver.0 };
+        let (hinges, balls) = (hinged.model()?, diver.model()?);
+        let moved = |marker: Marker| -> Result<Marker, FitError> {
+            let body = balls.body(hinges.name(marker.body).unwrap_or_default())?;
+            Ok(Marker { body, ..marker })
+        };
+        let markers = Self::on_diver(&hinged, protocol)?.markers.into_iter().map(moved);
+        Self::try_new(&balls, markers.collect::<Result<_, _>>()?)
     }
 }
 
@@ -286,6 +299,7 @@ fn one_of_pair(body: &str) -> &str {
 mod tests {
     use super::*;
     use crate::readers::pose::names_of;
+    use somersault_multibody::models::SegmentScales;
     use std::collections::BTreeMap;
 
     /// Where the markers of a standing diver are.
@@ -328,6 +342,23 @@ mod tests {
             let heights = places.values().map(|place| place.z);
             let span = heights.clone().fold(f64::MIN, f64::max) - heights.fold(f64::MAX, f64::min);
             assert!((0.75..1.03).contains(&(span / diver.height)), "{name}: {span}");
+        }
+    }
+
+    #[test]
+    fn on_balls_markers_are_where_they_are_on_hinges() {
+        let segments = SegmentScales::default().with("thigh", [1.1; 3]).unwrap();
+        let diver = Diver { segments, ..Diver::spatial() };
+        let balls = BallJointedDiver(diver);
+        let model = balls.model().unwrap();
+        let mut data = Data::new(&model);
+        let poses = model.positions(&mut data, &model.neutral()).unwrap();
+        for (protocol, name) in MarkerProtocol::ALL {
+            let known = standing(&diver, protocol);
+            for marker in MarkerSet::on_ball_jointed(&balls, protocol).unwrap().markers() {
+                let place = poses.pose(marker.body).unwrap().point(&marker.point);
+                assert!((place - known[&marker.name]).norm() < 1e-12, "{name}: {}", marker.name);
+            }
         }
     }
 

@@ -143,6 +143,15 @@ impl MarkerRecording {
         Self::try_new(self.names.clone(), self.times[frames].to_vec(), points)?.weighted_as(self, entries)
     }
 
+    /// The frames of these numbers, in this order.
+    pub(crate) fn chosen(&self, frames: &[usize]) -> Result<Self, RecordingError> {
+        let width = self.n_markers();
+        let entries = || frames.iter().flat_map(|i| i * width..(i + 1) * width);
+        let points = entries().map(|k| self.points[k]).collect();
+        let times = frames.iter().map(|i| self.times[*i]).collect();
+        Self::try_new(self.names.clone(), times, points)?.weighted_as(self, entries())
+    }
+
     /// The same motion at other times, by a cubic spline through each marker's unbroken stretches.
     ///
     /// What lies in a gap stays missing: between two neighbouring frames of which one lacks the marker. The weight of a point is the lesser of

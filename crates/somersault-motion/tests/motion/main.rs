@@ -16,6 +16,7 @@ mod phases;
 mod readers;
 mod reconstruction;
 mod recorded;
+mod scaling;
 mod scoring;
 mod smoothing;
 mod synthetic;

@@ -7,9 +7,10 @@ use somersault_motion::identification::identify_flight;
 use somersault_motion::readers::{ReadOptions, joint_motion, load, read_file, text};
 use somersault_motion::reconstruction::{FlightReconstruction, ReconstructionOptions};
 use somersault_motion::recording::{MarkerRecording, SkeletonRecording};
-use somersault_multibody::Model;
+use somersault_motion::scaling::{ModelScaler, ScalingOptions};
 use somersault_multibody::joint_motion::EigenpostureBase;
-use somersault_multibody::models::{Diver, Posture};
+use somersault_multibody::models::{BallJointedDiver, Diver, Posture};
+use somersault_multibody::{Data, Model};
 
 /// A motion of DeepMimic by its name, unless the folder is not there: then that is said.
 pub(crate) fn motion(name: &str) -> Option<SkeletonRecording> {
@@ -186,4 +187,70 @@ fn flips_are_described_in_posture_space() {
     let shares: Vec<String> = common.explained_variance_ratio().iter().map(|r| format!("{r:.3}")).collect();
     println!("four eigenpostures common to both explain {} of the variance", shares.join(" + "));
     assert!(common.explained_variance_ratio().iter().sum::<f64>() > 0.75);
+}
+
+/// The joints of DeepMimic's figures on a spatial diver, with hinges or with balls.
+fn joints_of_figures(model: &Model) -> MarkerSet {
+    let shoulder = if model.body("waist").is_ok() { "shoulder_flexion" } else { "upper_arm" };
+    let limbs = [
+        ("hip", "thigh"),
+        ("knee", "shank"),
+        ("ankle", "foot"),
+        ("toes", "toes"),
+        ("shoulder", shoulder),
+        ("elbow", "forearm"),
+        ("wrist", "hand"),
+    ];
+    let sided = ["right", "left"]
+        .into_iter()
+        .flat_map(|side| limbs.map(|(joint, body)| (format!("{side}_{joint}"), format!("{side}_{body}"))));
+    let trunk = [("chest", "torso"), ("neck", "head")].map(|(a, b)| (a.to_owned(), b.to_owned()));
+    let places = trunk.into_iter().chain(sided).map(|(name, body)| (name, body, [0.0; 3]));
+    MarkerSet::on_bodies(model, places).unwrap()
+}
+
+/// Legs of people spread and their trunks lean, which hinges at hips and waist do not: with balls the markers of the recorded flips are within 6 mm instead of
+/// within 80, a joint that was left out is predicted within 5 mm, and sizes, which the reader took from the diver, are found to be
+/// those of the diver.
+#[test]
+fn people_are_followed_by_balls() {
+    let (hinged, balls) =
+        (Diver::spatial().model().unwrap(), BallJointedDiver(Diver::spatial()).model().unwrap());
+    for (name, by_hinges) in [("backflip", 0.03), ("sideflip", 0.07)] {
+        let Some(recording) = motion(name) else { return };
+        let seen = recording.joint_centres().unwrap();
+        let options = ScalingOptions { offset_deviation: 0.0, ..ScalingOptions::default() };
+        let scaled = |model: &Model, seen: &MarkerRecording| {
+            let scaler = ModelScaler::try_new(model, joints_of_figures(model), options.clone()).unwrap();
+            scaler.scale(seen).unwrap()
+        };
+        let (before, after) = (scaled(&hinged, &seen), scaled(&balls, &seen));
+        assert!(
+            before.rms[0] > by_hinges && after.rms[0] < 0.006,
+            "{name}: {:?} {:?}",
+            before.rms,
+            after.rms
+        );
+        assert!(after.success(), "{name}: {}", after.message());
+        for group in &after.groups {
+            assert!((group.scale - 1.0).abs() < 3.0 * group.deviation, "{name}: {group:?}");
+        }
+        let names: Vec<&String> = seen.names().iter().filter(|marker| *marker != "chest").collect();
+        let part = seen.select(&names).unwrap();
+        for (model, within) in [(&hinged, 0.2), (&balls, 0.005)] {
+            let found = scaled(model, &part);
+            let fit = FitOptions { scale: Scale::Fixed(1.0), ..FitOptions::default() };
+            let fit =
+                MarkerFit::try_new(&found.model, found.markers.clone(), fit).unwrap().fit(&part).unwrap();
+            let mut data = Data::new(&found.model);
+            let mut squares = 0.0;
+            for (frame, chest) in fit.frames.iter().zip(seen.track("chest").unwrap()) {
+                let place = found.model.positions(&mut data, &frame.estimate.q).unwrap();
+                squares += (place.pose(0).unwrap().translation - chest.unwrap()).norm_squared();
+            }
+            let rms = (squares / fit.frames.len() as f64).sqrt();
+            println!("{name}: chest predicted within {:.1} mm", 1e3 * rms);
+            assert!(rms < within, "{name}: {rms}");
+        }
+    }
 }

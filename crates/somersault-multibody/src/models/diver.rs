@@ -35,7 +35,7 @@
 //! 0.083 m at the hips; toes with 15 % of the mass and 28 % of the length of the foot; ankles 60 mm in
 //! front of the heels; the centre of the head 20 mm forward. Lengths are between centres of joints and
 //! do not add up to the height. For another height h and mass m lengths go with h, masses with m and
-//! inertias with m h².
+//! inertias with m h²; [`SegmentScales`] are for bodies of other proportions.
 
 use super::posture::{Posture, PostureError};
 use crate::builder::ModelBuilder;
@@ -84,13 +84,62 @@ pub struct Diver {
     pub height: f64,
     /// g, m/s², along −z.
     pub gravity: f64,
+    /// Sizes of the segments over those that follow from the height.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub segments: SegmentScales,
+}
+
+/// Sizes of the segments of a diver over those that follow from its height, both sides alike: along x forward, y outwards and z up as the diver
+/// stands. Masses stay.
+///
+/// ```
+/// use somersault_multibody::models::{Diver, SegmentScales};
+///
+/// let segments = SegmentScales::default().with("thigh", [1.05; 3])?.with("torso", [1.0, 1.1, 1.0])?;
+/// let diver = Diver { segments, ..Diver::spatial() };
+/// assert_eq!(diver.segments.of("left_thigh"), Some([1.05; 3]));
+/// # Ok::<(), somersault_multibody::ModelError>(())
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct SegmentScales([[f64; 3]; 10]);
+
+impl Default for SegmentScales {
+    /// As the height has them.
+    fn default() -> Self {
+        Self([[1.0; 3]; 10])
+    }
+}
+
+impl SegmentScales {
+    /// The segments.
+    pub const NAMES: [&str; 10] =
+        ["torso", "pelvis", "thigh", "shank", "foot", "toes", "head", "upper_arm", "forearm", "hand"];
+
+    /// The scales of a segment, or of a body of the diver that is one; none of what is neither.
+    pub fn of(&self, name: &str) -> Option<[f64; 3]> {
+        Self::number(name).map(|i| self.0[i])
+    }
+
+    /// The same with other scales of a segment; of a model they must be from 0.01 to 100.
+    pub fn with(mut self, name: &str, scales: [f64; 3]) -> Result<Self, ModelError> {
+        let unknown = || ModelError::UnknownSegment { name: name.to_owned(), known: Self::NAMES.join(", ") };
+        self.0[Self::number(name).ok_or_else(unknown)?] = scales;
+        Ok(self)
+    }
+
+    fn number(name: &str) -> Option<usize> {
+        let part = SIDES.iter().find_map(|(side, _)| name.strip_prefix(side)?.strip_prefix('_'));
+        let name = part.filter(|part| !["torso", "pelvis", "head"].contains(part)).unwrap_or(name);
+        Self::NAMES.iter().position(|known| *known == name)
+    }
 }
 
 /// Mass and height to which the table of segments belongs.
 const REFERENCE: (f64, f64) = (65.0, 1.70);
 
 /// A segment of the reference diver, standing: SI units, x forward, z up.
-struct Segment {
+pub(super) struct Segment {
     name: &'static str,
     /// Position of its joint in the parent, (x, z).
     joint: [f64; 2],
@@ -104,7 +153,7 @@ struct Segment {
     /// Principal moments about x, y and z.
     moments: [f64; 3],
     /// Range of the joint, degrees.
-    range: [f64; 2],
+    pub(super) range: [f64; 2],
 }
 
 const TORSO: Segment = Segment {
@@ -118,7 +167,7 @@ const TORSO: Segment = Segment {
     range: [0.0, 0.0],
 };
 
-const PELVIS: Segment = Segment {
+pub(super) const PELVIS: Segment = Segment {
     name: "pelvis",
     joint: [0.0, 0.0],
     lateral: 0.0,
@@ -129,7 +178,7 @@ const PELVIS: Segment = Segment {
     range: [-30.0, 60.0],
 };
 
-const HEAD: Segment = Segment {
+pub(super) const HEAD: Segment = Segment {
     name: "head",
     joint: [0.0, 0.44682],
     lateral: 0.0,
@@ -141,7 +190,7 @@ const HEAD: Segment = Segment {
 };
 
 /// From the pelvis outwards.
-const LEG: [Segment; 4] = [
+pub(super) const LEG: [Segment; 4] = [
     Segment {
         name: "thigh",
         joint: [0.0, -0.14227],
@@ -185,7 +234,7 @@ const LEG: [Segment; 4] = [
 ];
 
 /// From the torso outwards.
-const ARM: [Segment; 3] = [
+pub(super) const ARM: [Segment; 3] = [
     Segment {
         name: "upper_arm",
         joint: [0.0, 0.36109],
@@ -218,9 +267,9 @@ const ARM: [Segment; 3] = [
     },
 ];
 
-const TWIST_RANGE: [f64; 2] = [-45.0, 45.0];
-const ABDUCTION_RANGE: [f64; 2] = [-30.0, 185.0];
-const ROTATION_RANGE: [f64; 2] = [-90.0, 90.0];
+pub(super) const TWIST_RANGE: [f64; 2] = [-45.0, 45.0];
+pub(super) const ABDUCTION_RANGE: [f64; 2] = [-30.0, 185.0];
+pub(super) const ROTATION_RANGE: [f64; 2] = [-90.0, 90.0];
 
 const PLANAR_NAMES: [&str; 12] = [
     "horizontal",
@@ -278,7 +327,13 @@ fn about(axis: Vector3<f64>) -> Joint {
 impl Diver {
     /// The planar diver of 65 kg and 1.70 m, g = 9.81 m/s².
     pub fn planar() -> Self {
-        Self { dimension: Dimension::Planar, mass: REFERENCE.0, height: REFERENCE.1, gravity: 9.81 }
+        Self {
+            dimension: Dimension::Planar,
+            mass: REFERENCE.0,
+            height: REFERENCE.1,
+            gravity: 9.81,
+            segments: SegmentScales::default(),
+        }
     }
 
     /// The spatial diver of 65 kg and 1.70 m, g = 9.81 m/s².
@@ -320,7 +375,18 @@ impl Diver {
         for link in links {
             builder.add(link)?;
         }
-        builder.build()
+        let model = builder.build()?;
+        if self.segments == SegmentScales::default() {
+            return Ok(model);
+        }
+        let scale = |link: &Link| {
+            let [x, y, z] = self.segments.of(link.name()).unwrap_or([1.0; 3]);
+            match self.dimension {
+                Dimension::Planar => Vector3::new(x, z, y),
+                Dimension::Spatial => Vector3::new(x, y, z),
+            }
+        };
+        model.scaled(&model.links().iter().map(scale).collect::<Vec<_>>())
     }
 
     fn planar_links(&self) -> Vec<Link> {
@@ -431,4 +497,4 @@ impl Diver {
 }
 
 /// Name and sign of y.
-const SIDES: [(&str, f64); 2] = [("right", -1.0), ("left", 1.0)];
+pub(super) const SIDES: [(&str, f64); 2] = [("right", -1.0), ("left", 1.0)];

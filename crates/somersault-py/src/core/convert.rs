@@ -76,6 +76,12 @@ pub(crate) fn sequence<'a, 'py>(value: &'a Bound<'py, PyAny>) -> Option<&'a Boun
     if value.is_instance_of::<PyString>() { None } else { value.cast::<PySequence>().ok() }
 }
 
+/// A name that is a key of the dictionary `argument`.
+pub(crate) fn key_of(argument: &str, key: &Bound<'_, PyAny>) -> Result<String, Error> {
+    let wrong = |_| Error::input(format!("`{argument}` must have names that are str, found {}", a_type(key)));
+    key.extract().map_err(wrong)
+}
+
 /// The argument `interval`: its start and its end.
 pub(crate) fn interval_of(value: &Bound<'_, PyAny>) -> PyResult<[f64; 2]> {
     let found = with_shape("interval", &[2], value)?;

@@ -30,6 +30,7 @@ use somersault::motion::inertia::InertiaEstimateError;
 use somersault::motion::phases::PhaseError;
 use somersault::motion::reconstruction::ReconstructionError;
 use somersault::motion::recording::RecordingError;
+use somersault::motion::scaling::ScalingError;
 use somersault::motion::scoring::{ScoringError, StorageError};
 use somersault::motion::smoothing::SmoothingError;
 use somersault::motion::synthetic::SyntheticError;
@@ -483,6 +484,18 @@ impl From<ReconstructionError> for Error {
             ReconstructionError::Model(error) => error.into(),
             ReconstructionError::Recording(error) => error.into(),
             ReconstructionError::Phase(error) => error.into(),
+            error => Self::own(Class::Input, &error),
+        }
+    }
+}
+
+impl From<ScalingError> for Error {
+    fn from(error: ScalingError) -> Self {
+        match error {
+            ScalingError::Fit(error) => error.into(),
+            ScalingError::Dynamics(error) => error.into(),
+            ScalingError::Model(error) => error.into(),
+            ScalingError::Recording(error) => error.into(),
             error => Self::own(Class::Input, &error),
         }
     }

@@ -1,7 +1,7 @@
 //! Models fitted to markers.
 
 use super::matrix::{count, numbers_array};
-use crate::core::convert::{a_type, array, entries_or_none, real_numbers, vector};
+use crate::core::convert::{a_type, array, entries_or_none, key_of, real_numbers, vector};
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_class, by_restore};
 use crate::multibody::model::{Model, Which};
@@ -50,7 +50,7 @@ impl MarkerSet {
     ) -> Result<Self, Error> {
         let mut found = Vec::with_capacity(markers.len());
         for (name, place) in markers.iter() {
-            let name = name_of("markers", &name)?;
+            let name = key_of("markers", &name)?;
             let (body, point): (Which, Bound<'_, PyAny>) = place.extract().map_err(|_| {
                 let found = a_type(&place);
                 Error::input(format!("`markers['{name}']` must be a body and a point, found {found}"))
@@ -61,7 +61,7 @@ impl MarkerSet {
             found.push(Marker { name, body, point, weight: 1.0 });
         }
         for (name, weight) in weights.into_iter().flatten() {
-            let name = name_of("weights", &name)?;
+            let name = key_of("weights", &name)?;
             let known = found.iter_mut().find(|marker| marker.name == name);
             let marker = known.ok_or_else(|| Error::input(format!("`weights` names no marker '{name}'")))?;
             marker.weight = weight.extract().map_err(|_| {
@@ -111,7 +111,7 @@ impl MarkerSet {
     /// Parameters
     /// ----------
     /// diver : Diver
-    ///     The planar or the spatial diver. The planar one has all in its plane, right and left at the same place.
+    ///     The planar one has all in its plane, right and left at the same place.
     /// protocol : str
     ///
     /// Returns
@@ -136,7 +136,11 @@ impl MarkerSet {
     /// (17, ('nose', 'right_shoulder', 'left_shoulder'), ('head', 'right_upper_arm', 'left_upper_arm'))
     #[classmethod]
     fn on_diver(_: &Bound<'_, PyType>, diver: &Bound<'_, Diver>, protocol: &str) -> Result<Self, Error> {
-        let markers = fit::MarkerSet::on_diver(&diver.get().diver, protocol.parse()?)?;
+        let protocol = protocol.parse()?;
+        let markers = match diver.get().ball_jointed() {
+            Some(diver) => fit::MarkerSet::on_ball_jointed(&diver, protocol)?,
+            None => fit::MarkerSet::on_diver(&diver.get().size(), protocol)?,
+        };
         Ok(Self { model: diver.get().model.clone_ref(diver.py()), markers })
     }
 
@@ -165,7 +169,7 @@ impl MarkerSet {
     fn moved(&self, py: Python<'_>, offsets: &Bound<'_, PyDict>) -> Result<Self, Error> {
         let mut found = Vec::with_capacity(offsets.len());
         for (name, offset) in offsets.iter() {
-            let name = name_of("offsets", &name)?;
+            let name = key_of("offsets", &name)?;
             let offset = vector(&format!("offsets['{name}']"), &offset)?;
             found.push((name, offset));
         }
@@ -235,12 +239,6 @@ fn in_dicts(error: FitError) -> Error {
         }
         error => error.into(),
     }
-}
-
-/// A key of a dict.
-fn name_of(argument: &str, key: &Bound<'_, PyAny>) -> Result<String, Error> {
-    let wrong = |_| Error::input(format!("`{argument}` must have names that are str, found {}", a_type(key)));
-    key.extract().map_err(wrong)
 }
 
 /// A number, or bounds.

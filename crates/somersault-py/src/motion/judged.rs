@@ -248,7 +248,7 @@ pub(crate) fn read_judged(
     diver: Option<&Bound<'_, Diver>>,
 ) -> Result<JudgedSet, Error> {
     let convention = convention(unit, up, forward)?;
-    let diver = diver.map_or_else(models::Diver::spatial, |diver| diver.get().diver);
+    let diver = diver.map_or_else(models::Diver::spatial, |diver| diver.get().size());
     let options = JudgedOptions { convention, nan_is_gap, longest_gap, diver };
     let set = leave_on_signal(py, move |_| judged::load_set(path, &options).map_err(raised))?;
     for (line, repair) in set.repairs.iter().filter(|(_, repair)| !repair.is_decision) {

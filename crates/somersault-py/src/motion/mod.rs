@@ -19,6 +19,7 @@ mod phases;
 mod readers;
 mod reconstruction;
 mod repair;
+mod scaling;
 mod scoring;
 mod skeleton;
 mod smoothing;
@@ -66,6 +67,8 @@ pub(crate) mod module {
     use crate::motion::reconstruction::{ReconstructedFlight, reconstruct_flight};
     #[pymodule_export]
     use crate::motion::repair::Repair;
+    #[pymodule_export]
+    use crate::motion::scaling::{ScaledModel, scale_model};
     #[pymodule_export]
     use crate::motion::scoring::{Performance, Score, ScoringModel, ScoringOptions, panel_score};
     #[pymodule_export]

@@ -126,7 +126,7 @@ impl Given<'_, '_> {
             nan_is_gap: self.nan_is_gap,
             rate: self.rate,
             person: self.person.map(person).transpose()?,
-            diver: self.diver.map_or_else(models::Diver::spatial, |diver| diver.get().diver),
+            diver: self.diver.map_or_else(models::Diver::spatial, |diver| diver.get().size()),
         })
     }
 

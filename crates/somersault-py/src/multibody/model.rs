@@ -1,12 +1,12 @@
 //! Trees of bodies and their dynamics, at one configuration or at many.
 
-use crate::core::convert::{a_type, sequence, vector_array, vector_or};
+use crate::core::convert::{a_type, key_of, sequence, vector, vector_array, vector_or};
 use crate::core::error::{Error, did_you_mean};
 use crate::core::rows::{self, Block, Results, Rows, Workspaces};
 use crate::core::value::{Pickled, brief, by_restore, counted, digits, few, value};
 use crate::multibody::link::Link;
 use pyo3::prelude::*;
-use pyo3::types::{PyList, PySlice, PyType};
+use pyo3::types::{PyDict, PyList, PySlice, PyType};
 use somersault::integrators::nalgebra::{DMatrix, Quaternion, UnitQuaternion, Vector3};
 use somersault::multibody::flight::FlightShapes;
 use somersault::multibody::{
@@ -226,6 +226,20 @@ impl Model {
     }
 }
 
+/// Sizes by names: one for all axes, or one along each.
+pub(crate) fn sizes_of(scales: &Bound<'_, PyDict>) -> Result<Vec<(String, Vector3<f64>)>, Error> {
+    let size = |(name, size): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
+        let name = key_of("scales", &name)?;
+        let of_all = size.extract::<f64>().ok();
+        let size = match of_all {
+            Some(size) => Vector3::repeat(size),
+            None => vector(&format!("scales['{name}']"), &size)?,
+        };
+        Ok((name, size))
+    };
+    scales.iter().map(size).collect()
+}
+
 fn slice(py: Python<'_>, range: Range<usize>) -> Bound<'_, PySlice> {
     PySlice::new(py, range.start as isize, range.end as isize, 1)
 }
@@ -328,6 +342,41 @@ impl Model {
     /// slice(1, 2, 1)
     fn velocities_of<'py>(&self, py: Python<'py>, body: Which) -> Result<Bound<'py, PySlice>, Error> {
         Ok(slice(py, self.model.velocities_of(self.which(body)?)))
+    }
+
+    /// The same tree with bodies of other sizes, whose masses it keeps.
+    ///
+    /// Joints that a body carries, and its centre of mass, go from p to S p, the second moments Σ of its mass about its centre to
+    /// S Σ S, where S is the diagonal matrix of the sizes. Limits stay, and so do coordinates of prismatic joints.
+    ///
+    /// Parameters
+    /// ----------
+    /// scales : dict of str to float or array_like, shape (3,)
+    ///     For some bodies, by their names, the size over that of this model: one number, or one along each axis of the body. From
+    ///     0.01 to 100.
+    ///
+    /// Returns
+    /// -------
+    /// Model
+    ///
+    /// Raises
+    /// ------
+    /// InputError
+    ///     If the model has no such body, or a number is not allowed.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import multibody
+    /// >>> arm = multibody.two_link_arm()
+    /// >>> longer = arm.scaled({"upper": 1.5})
+    /// >>> arm.links[1].origin, longer.links[1].origin, longer.mass == arm.mass
+    /// (array([2., 0., 0.]), array([3., 0., 0.]), True)
+    fn scaled(&self, scales: &Bound<'_, PyDict>) -> Result<Self, Error> {
+        let mut sizes = vec![Vector3::repeat(1.0); self.model.n_bodies()];
+        for (name, size) in sizes_of(scales)? {
+            sizes[self.body_of(&name)?] = size;
+        }
+        Ok(Self::of(self.model.scaled(&sizes)?))
     }
 
     /// The configuration with all angles and displacements zero.

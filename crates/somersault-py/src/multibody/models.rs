@@ -4,25 +4,57 @@ use crate::core::convert::array;
 use crate::core::error::Error;
 use crate::core::functions::functions;
 use crate::core::value::{Pickled, by_restore, value};
-use crate::multibody::model::Model;
+use crate::multibody::model::{Model, sizes_of};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
-use somersault::multibody::models::{self, CartPendulum, Dimension, Posture, TwoLinkArm};
+use somersault::integrators::nalgebra::Vector3;
+use somersault::multibody::models::{
+    self, BallJointedDiver, CartPendulum, Dimension, Posture, SegmentScales, TwoLinkArm,
+};
+use std::collections::HashMap;
 
-/// A diver of a given size, as `diver_planar` and `diver_spatial` make them.
+/// A diver of a given size, as `diver_planar`, `diver_spatial` and `diver_ball_jointed` make them.
 ///
-/// Bodies, axes and the senses of angles are those of thesis Tables 3.1 and 3.2; at q = 0 the diver stands
+/// Bodies, axes and the senses of angles are those of thesis Tables 3.1 and 3.2, beside those of balls; at q = 0 the diver stands
 /// with flat feet and faces +x. Segments after de Leva (1996) for 65 kg and 1.70 m: lengths go with the
 /// height, masses with the mass, inertias with mass times height squared.
 #[pyclass(frozen, module = "somersault.multibody")]
 pub(crate) struct Diver {
-    pub(crate) diver: models::Diver,
+    /// Size and, where it has hinges, how it moves.
+    diver: models::Diver,
+    has_balls: bool,
     pub(crate) model: Py<Model>,
 }
 
 impl Diver {
+    /// One with hinges.
     pub(crate) fn of(py: Python<'_>, diver: models::Diver) -> Result<Self, Error> {
-        Ok(Self { diver, model: Py::new(py, Model::of(diver.model()?))? })
+        Self::made(py, diver, false)
+    }
+
+    fn made(py: Python<'_>, diver: models::Diver, has_balls: bool) -> Result<Self, Error> {
+        let model = if has_balls { BallJointedDiver(diver).model()? } else { diver.model()? };
+        Ok(Self { diver, has_balls, model: Py::new(py, Model::of(model))? })
+    }
+
+    /// The diver with ball joints, if it is one.
+    pub(crate) fn ball_jointed(&self) -> Option<BallJointedDiver> {
+        self.has_balls.then_some(BallJointedDiver(self.diver))
+    }
+
+    /// Its lengths and masses, however its joints turn.
+    pub(crate) fn size(&self) -> models::Diver {
+        self.diver
+    }
+
+    /// The diver with hinges, which `argument` must be.
+    pub(crate) fn hinged(&self, argument: &str) -> Result<models::Diver, Error> {
+        if self.has_balls {
+            let message =
+                "must have hinges, as those of `diver_planar` and `diver_spatial`, found ball joints";
+            return Err(Error::input(format!("`{argument}` {message}")));
+        }
+        Ok(self.diver)
     }
 }
 
@@ -34,13 +66,20 @@ value! {
         mass: f64 = |own| own.diver.mass;
         /// float: Stature, m.
         height: f64 = |own| own.diver.height;
-        /// tuple of str: Names of the degrees of freedom, in the order of v.
-        dof_names: PyResult<Bound<'py, PyTuple>> = |own, py| PyTuple::new(py, own.diver.dof_names());
     }
 }
 
 #[pymethods]
 impl Diver {
+    /// tuple of str: Names of the degrees of freedom, in the order of v. A ball has those of its body with ``_x``, ``_y`` and ``_z``, about whose axes it turns.
+    #[getter]
+    fn dof_names<'py>(&self, py: Python<'py>) -> Result<Bound<'py, PyTuple>, Error> {
+        Ok(match self.ball_jointed() {
+            Some(diver) => PyTuple::new(py, diver.dof_names()?)?,
+            None => PyTuple::new(py, self.diver.dof_names())?,
+        })
+    }
+
     /// tuple of str: The postures that this diver has, of thesis Figure 2.2.
     #[getter]
     fn postures<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
@@ -77,11 +116,19 @@ impl Diver {
     /// >>> (pike - straight)[hip].round(2)
     /// array([2.09])
     fn configuration<'py>(&self, py: Python<'py>, posture: &str) -> Result<Bound<'py, PyAny>, Error> {
-        let q = self.diver.configuration(posture.parse()?)?;
+        let posture = posture.parse()?;
+        let q = match self.ball_jointed() {
+            Some(diver) => diver.configuration(posture)?,
+            None => self.diver.configuration(posture)?,
+        };
         Ok(numpy::PyArray1::from_vec(py, q).into_any())
     }
 
-    /// The angles of the joints by their names, which are those of `dof_names` beside the root's.
+    /// The angles of the joints by their names, which are those of `dof_names` beside the root's; of a ball three, one after the other.
+    ///
+    /// A ball at a hip has ``right_hip``, its flexion, then ``right_hip_abduction`` sideways and ``right_hip_rotation`` inwards, one at a shoulder those of
+    /// the spatial diver, the waist ``pelvis_twist``, ``pelvis_bend`` and ``pelvis_lean``, the neck ``neck``, ``neck_lean`` and ``neck_turn``. Of the two triples
+    /// that make a rotation that one is given which people reach. Where the second is ±90° the third is taken as zero.
     ///
     /// Parameters
     /// ----------
@@ -111,12 +158,82 @@ impl Diver {
         let rows = tree.q("q", q)?;
         let (all, width) = (rows.all()?, tree.model.n_positions());
         let root = tree.model.velocities_of(0).len();
-        let names = &self.diver.dof_names()[root..];
+        let of_row = |row: &[f64]| -> Result<Vec<(String, f64)>, Error> {
+            if let Some(diver) = self.ball_jointed() {
+                return Ok(diver.angles(row)?);
+            }
+            let names = &self.diver.dof_names()[root..];
+            let angles = names.iter().zip(&row[width - names.len()..]);
+            Ok(angles.map(|(name, angle)| ((*name).to_owned(), *angle)).collect())
+        };
+        let of_rows = all.chunks_exact(width).map(of_row).collect::<Result<Vec<_>, _>>()?;
         let found = PyDict::new(py);
-        for (name, column) in names.iter().zip(width - names.len()..) {
-            let values: Vec<f64> = all.chunks_exact(width).map(|row| row[column]).collect();
+        let names = of_rows.first().map_or(&[][..], Vec::as_slice);
+        for (k, (name, _)) in names.iter().enumerate() {
+            let values: Vec<f64> = of_rows.iter().map(|row| row[k].1).collect();
             let shape = if rows.is_many() { vec![values.len()] } else { vec![] };
             found.set_item(name, array(py, values, &shape)?)?;
+        }
+        Ok(found)
+    }
+
+    /// The same diver with segments of other sizes, whose masses it keeps, right and left alike.
+    ///
+    /// Parameters
+    /// ----------
+    /// scales : dict of str to float or array_like, shape (3,)
+    ///     For some segments the size over that of this diver: one number, or one along each axis of the body. Names are those of
+    ///     `segment_scales` or of bodies, such as ``'right_thigh'``, of which both sides must be alike: those of `ScaledModel.body_scales` are
+    ///     among them. From 0.01 to 100.
+    ///
+    /// Returns
+    /// -------
+    /// Diver
+    ///
+    /// Raises
+    /// ------
+    /// InputError
+    ///     If there is no such segment, sides differ, or a number is not allowed.
+    ///
+    /// Examples
+    /// --------
+    /// >>> from somersault import multibody
+    /// >>> tall = multibody.diver_spatial().scaled({"thigh": 1.05, "torso": (1.0, 1.1, 1.0)})
+    /// >>> tall.segment_scales["thigh"], tall.segment_scales["torso"], tall.mass
+    /// ((1.05, 1.05, 1.05), (1.0, 1.1, 1.0), 65.0)
+    fn scaled(&self, py: Python<'_>, scales: &Bound<'_, PyDict>) -> Result<Self, Error> {
+        let known = self.diver.segments;
+        let mut segments = known;
+        let mut given: HashMap<&str, Vector3<f64>> = HashMap::new();
+        for (name, size) in sizes_of(scales)? {
+            let Some(of_this) = known.of(&name) else {
+                // frames between the axes of a joint have no size
+                if self.model.get().model.body(&name).is_ok() {
+                    continue;
+                }
+                let names = SegmentScales::NAMES.join(", ");
+                return Err(Error::input(format!("`scales` must name segments, {names}, found '{name}'")));
+            };
+            let segment = SegmentScales::NAMES.into_iter().find(|segment| name.ends_with(segment));
+            let other = segment.and_then(|segment| given.insert(segment, size));
+            if other.is_some_and(|other| (other - size).amax() > 1e-9 * size.amax()) {
+                return Err(Error::input(format!(
+                    "`scales` must be alike on both sides, but are not for `{name}`; those of `Model.scaled` may differ"
+                )));
+            }
+            let of_standing = standing(self.diver.dimension, size.into());
+            segments = segments.with(&name, [0, 1, 2].map(|k| of_this[k] * of_standing[k]))?;
+        }
+        Self::made(py, models::Diver { segments, ..self.diver }, self.has_balls)
+    }
+
+    /// dict of str to tuple of float: Sizes of the segments, along the axes of their bodies, over those that follow from the height.
+    #[getter]
+    fn segment_scales<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let found = PyDict::new(py);
+        for name in SegmentScales::NAMES {
+            let size = self.diver.segments.of(name).unwrap_or([1.0; 3]);
+            found.set_item(name, <(f64, f64, f64)>::from(standing(self.diver.dimension, size)))?;
         }
         Ok(found)
     }
@@ -124,19 +241,22 @@ impl Diver {
     fn __repr__(&self) -> String {
         let kind = match self.diver.dimension {
             Dimension::Planar => "planar",
+            Dimension::Spatial if self.has_balls => "ball-jointed",
             Dimension::Spatial => "spatial",
         };
         format!("<Diver: {kind}, {} kg, {} m>", self.diver.mass, self.diver.height)
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
-        let diver = &slf.get().diver;
+        let Self { diver, has_balls, .. } = slf.get();
         let planar = diver.dimension == Dimension::Planar;
-        by_restore(slf, (planar, diver.mass, diver.height, diver.gravity))
+        let segments: Vec<_> = SegmentScales::NAMES.iter().map(|name| diver.segments.of(name)).collect();
+        by_restore(slf, (planar, diver.mass, diver.height, diver.gravity, segments, *has_balls))
     }
 
-    /// A pickled diver.
+    /// A pickled diver; those of files before there were sizes of segments and balls have neither.
     #[classmethod]
+    #[pyo3(signature = (planar, mass, height, gravity, segments=vec![], has_balls=false))]
     fn _restore(
         _: &Bound<'_, PyType>,
         py: Python<'_>,
@@ -144,12 +264,25 @@ impl Diver {
         mass: f64,
         height: f64,
         gravity: f64,
+        segments: Vec<[f64; 3]>,
+        has_balls: bool,
     ) -> Result<Self, Error> {
-        if planar {
-            diver_planar(py, mass, height, gravity)
-        } else {
-            diver_spatial(py, mass, height, gravity)
+        let mut scales = SegmentScales::default();
+        for (name, scale) in SegmentScales::NAMES.into_iter().zip(segments) {
+            scales = scales.with(name, scale)?;
         }
+        let diver = if planar { models::Diver::planar() } else { models::Diver::spatial() };
+        let segments = scales;
+        Self::made(py, models::Diver { mass, height, gravity, segments, ..diver }, has_balls)
+    }
+}
+
+/// Numbers along the axes of bodies, which for the planar diver are x forward, y up and z to the right, along those of the standing diver, x forward,
+/// y outwards and z up; and the other way round.
+fn standing(dimension: Dimension, [x, y, z]: [f64; 3]) -> [f64; 3] {
+    match dimension {
+        Dimension::Planar => [x, z, y],
+        Dimension::Spatial => [x, y, z],
     }
 }
 
@@ -261,5 +394,35 @@ functions! {
     #[pyo3(signature = (mass=65.0, height=1.7, gravity=9.81))]
     fn diver_spatial(py: Python<'_>, mass: f64, height: f64, gravity: f64) -> Result<Diver, Error> {
         Diver::of(py, models::Diver { mass, height, gravity, ..models::Diver::spatial() })
+    }
+
+    /// The spatial diver with balls at waist, neck, hips and shoulders, with 34 degrees of freedom: for recordings of people, whose legs spread and turn.
+    ///
+    /// Bodies, masses and the other joints are those of `diver_spatial`. Balls have no limits. Optimal dives, eigenpostures and what-ifs need hinges.
+    ///
+    /// Parameters
+    /// ----------
+    /// mass, height : float, optional
+    ///     Mass, kg, and stature, m.
+    /// gravity : float, optional
+    ///     Acceleration along −z, m/s².
+    ///
+    /// Returns
+    /// -------
+    /// Diver
+    ///
+    /// Examples
+    /// --------
+    /// >>> import numpy as np
+    /// >>> from somersault import multibody
+    /// >>> diver = multibody.diver_ball_jointed(mass=58.0, height=1.62)
+    /// >>> diver.model.n_velocities, diver.model.links[2].name, diver.model.links[2].joint
+    /// (34, 'right_thigh', 'spherical')
+    /// >>> angles = diver.angles(diver.configuration("F"))
+    /// >>> (np.degrees([angles["right_hip"], angles["right_hip_abduction"]]).round(6) + 0.0).tolist()
+    /// [125.0, 0.0]
+    #[pyo3(signature = (mass=65.0, height=1.7, gravity=9.81))]
+    fn diver_ball_jointed(py: Python<'_>, mass: f64, height: f64, gravity: f64) -> Result<Diver, Error> {
+        Diver::made(py, models::Diver { mass, height, gravity, ..models::Diver::spatial() }, true)
     }
 }

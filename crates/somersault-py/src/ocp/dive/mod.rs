@@ -123,7 +123,7 @@ impl Dive {
         postures: &Bound<'_, PyAny>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> Result<Self, Error> {
-        let dive = dives::Dive { diver: diver.get().diver, ..dives::Dive::forward_pike()? };
+        let dive = dives::Dive { diver: diver.get().hinged("diver")?, ..dives::Dive::forward_pike()? };
         let mut plan = Plan { own_postures: true, ..Plan::new(dive) };
         plan.set_postures(postures)?;
         plan.change(options)?;
@@ -442,7 +442,8 @@ impl Dive {
             let (n, found) = (postures.len(), names.len());
             return Err(Error::input(format!("`names` must have {n} entries, found {found}")));
         }
-        let dive = dives::Dive { diver: diver.get().diver, postures, ..dives::Dive::forward_pike()? };
+        let dive =
+            dives::Dive { diver: diver.get().hinged("diver")?, postures, ..dives::Dive::forward_pike()? };
         let mut plan = Plan { names, course: Course::of(course)?, own_postures, ..Plan::new(dive) };
         plan.change(Some(options))?;
         plan.build()

@@ -166,7 +166,7 @@ impl Plan {
         // what the others are understood by comes first
         if let Some(diver) = changes.get_item("diver")? {
             let refused = |_| Error::input(format!("`diver` must be a Diver, found {}", a_type(&diver)));
-            self.dive.diver = diver.cast::<Diver>().map_err(refused)?.get().diver;
+            self.dive.diver = diver.cast::<Diver>().map_err(refused)?.get().hinged("diver")?;
         }
         if let Some(postures) = changes.get_item("postures")? {
             self.set_postures(&postures)?;
