@@ -50,7 +50,7 @@ pub struct ModelScaler {
 const MAX_ESTIMATES: usize = 20;
 const SAME: f64 = 0.01;
 /// Fits of single frames to the scaled model, at most.
-const MAX_ROUNDS: usize = 4;
+const MAX_ROUNDS: usize = 8;
 /// The fraction of its cost, and half the number of squared deviations, by which a frame that is fitted by itself must be nearer to count.
 const NEARER: f64 = 0.01;
 const NEARER_BY: f64 = 0.5;
@@ -65,7 +65,7 @@ const POSSIBLE: f64 = 4.0;
 /// Distance of the mean place of a marker from where it is said to be that residuals alone may make, in fractions of the body's spread.
 const MISPLACED: f64 = 0.1;
 /// Root mean square of residuals that is taken for noise, in fractions of that spread.
-const FAR: f64 = 0.1;
+const FAR: f64 = 0.05;
 /// Fraction of points that may be outliers.
 const OUTLIERS: f64 = 0.05;
 /// Standard deviations by which χ² is a misfit, and what it may differ from 1 by whatever the noise is.
@@ -87,7 +87,8 @@ impl ModelScaler {
         let numbers = ScaleGroup::numbers(model, &groups)?;
         let (n_markers, n_frames) = (markers.markers().len(), options.max_frames);
         let (n, n_common) = (model.n_velocities() as f64, (1 + groups.len() + 3 * n_markers) as f64);
-        if 3.0 * n_common * n_common + n_frames as f64 * n * (n + 2.0 * n_common) > MAX_NUMBERS {
+        let of_frame = n_common * n_common + n * (n + 2.0 * n_common);
+        if 3.0 * n_common * n_common + n_frames as f64 * of_frame > MAX_NUMBERS {
             return Err(ScalingError::TooManyMarkers { n_markers, n_frames });
         }
         Ok(Self { model: model.clone(), markers, groups, numbers, options })
@@ -327,6 +328,13 @@ impl ModelScaler {
         let spread = spread(search);
         contradictions.extend(self.misplaced(search, &body, spread)?);
         let after = rms(residuals.iter().flatten()).unwrap_or(0.0);
+        let limit = 2.0 * (FAR * spread).max(options.noise.map_or(0.0, |noise| MISFIT * noise));
+        contradictions.extend(offsets.iter().filter_map(|marker| {
+            let [_, rms] = marker.rms?;
+            let (name, found, limit) = (&marker.name, 1e3 * rms, 1e3 * limit);
+            let text = "mm from the body, root mean square, but may be";
+            (found > limit).then(|| format!("marker `{name}` is {found:.0} {text} {limit:.0}"))
+        }));
         if options.noise.is_none() && after > FAR * spread {
             contradictions.push(format!(
                 "markers are {:.0} mm from the body, root mean square, but may be {:.0} where `noise` is not given: it moves as the model cannot, or the noise is large",

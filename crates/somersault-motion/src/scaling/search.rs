@@ -2,7 +2,7 @@
 
 use super::{ScalingError, ScalingOptions};
 use crate::fit::{FitError, Loss, MarkerSet, Targets};
-use nalgebra::{Cholesky, DMatrix, DVector, SymmetricEigen, Vector3};
+use nalgebra::{Cholesky, DMatrix, DVector, Matrix3, Matrix3xX, SymmetricEigen, Vector3};
 use rayon::prelude::*;
 use somersault_core::cancel::CancellationToken;
 use somersault_multibody::{Axes, Data, Joint, Model, Positions, Transform};
@@ -57,6 +57,12 @@ enum Purpose {
     /// Covariances: limits do not count, which hold joints on one side only, and rates of balls take the place of those of their hinges, which
     /// may be fewer than three where axes coincide.
     Covariances,
+}
+
+/// The quadratic model without the unknowns of the frames.
+struct Eliminated {
+    frames: Vec<Block>,
+    covariance: DMatrix<f64>,
 }
 
 /// What is known at the minimum.
@@ -224,6 +230,7 @@ impl Search<'_> {
         frame: usize,
         q: &[f64],
         purpose: Purpose,
+        trust: Option<&[f64]>,
     ) -> Result<Block, ScalingError> {
         let (n, loss) = (self.model.n_velocities(), self.loss());
         let m = if purpose == Purpose::Frame { 0 } else { self.n_common() };
@@ -251,7 +258,7 @@ impl Search<'_> {
             let (value, slope) = loss.evaluate(error.norm_squared());
             let weight = self.weight(frame, k) / self.noise.powi(2);
             found.cost += 0.5 * weight * value;
-            let weight = weight * slope;
+            let weight = weight * slope * trust.map_or(1.0, |trust| trust[k]);
             let at = Transform::translation(body.points[k]);
             positions.jacobian_into(marker.body, &at, Axes::World, &mut jacobian)?;
             if purpose == Purpose::Covariances {
@@ -310,14 +317,16 @@ impl Search<'_> {
     }
 
     /// The quadratic model at the state.
-    fn linearize(&self, purpose: Purpose) -> Result<Quadratic, ScalingError> {
+    fn linearize(&self, purpose: Purpose, trust: Option<&[Vec<f64>]>) -> Result<Quadratic, ScalingError> {
         let body = self.body(&self.state)?;
         let deviations = self.prior_deviations();
         let common = self.common(&self.state);
         let mut hessian = DMatrix::from_diagonal(&deviations.map(|x| x.powi(-2)));
         let mut gradient = common.zip_map(&deviations, |x, deviation| x / (deviation * deviation));
         let frames = self.state.configurations.par_iter().enumerate();
-        let block = |data: &mut Data, (i, q): (usize, &Vec<f64>)| self.block(&body, data, i, q, purpose);
+        let block = |data: &mut Data, (i, q): (usize, &Vec<f64>)| {
+            self.block(&body, data, i, q, purpose, trust.map(|trust| trust[i].as_slice()))
+        };
         let frames: Vec<Block> =
             frames.map_init(|| Data::new(&body.model), block).collect::<Result<_, _>>()?;
         for block in &frames {
@@ -325,6 +334,56 @@ impl Search<'_> {
             gradient += &block.common.1;
         }
         Ok(Quadratic { hessian, gradient, frames })
+    }
+
+    /// For each frame what its points count: less where linearisation does not follow how uncertain orientations are.
+    ///
+    /// A body whose orientation has the covariance C turns a lever p by ½ (C − tr(C) 1) p in the mean beyond what is linear. Of all levers on the way to the
+    /// marker together that is taken for noise: what is uncertain in a frame by itself, about a prior of 1 rad, for that of one frame; what sizes and
+    /// offsets leave uncertain, which is the same in all frames, for noise that no number of them makes less.
+    fn followed(
+        &self,
+        Eliminated { frames, covariance }: &Eliminated,
+    ) -> Result<Vec<Vec<f64>>, ScalingError> {
+        let body = self.body(&self.state)?;
+        let (n, n_frames) = (self.model.n_velocities(), self.targets.len() as f64);
+        let mut data = Data::new(&body.model);
+        let mut jacobian = DMatrix::zeros(6, n);
+        let mut all = Vec::with_capacity(frames.len());
+        for ((frame, q), block) in self.state.configurations.iter().enumerate().zip(frames) {
+            let mut trust = vec![1.0; body.points.len()];
+            if let Some(known) = Cholesky::new(&block.hessian + DMatrix::identity(n, n)) {
+                let positions = body.model.positions(&mut data, q)?;
+                let by_common = known.solve(&block.mixed);
+                let mut orientations = Vec::with_capacity(self.model.n_bodies());
+                for i in 0..self.model.n_bodies() {
+                    positions.jacobian_into(i, &Transform::identity(), Axes::World, &mut jacobian)?;
+                    self.turn_balls(&positions, i, &positions.pose(i)?.translation, &mut jacobian)?;
+                    let turns: Matrix3xX<f64> = jacobian.fixed_rows::<3>(3).into_owned();
+                    let shared = &turns * &by_common;
+                    let alone: Matrix3<f64> = &turns * known.solve(&turns.transpose());
+                    let in_common: Matrix3<f64> = &shared * covariance * shared.transpose();
+                    orientations.push([alone, in_common]);
+                }
+                for (k, marker) in self.markers.markers().iter().enumerate() {
+                    let mut beyond = [Vector3::zeros(); 2];
+                    let mut carried = Some((marker.body, body.points[k]));
+                    while let Some((i, point)) = carried {
+                        let lever = positions.pose(i)?.rotation * point;
+                        for (beyond, c) in beyond.iter_mut().zip(&orientations[i]) {
+                            *beyond += ((c * lever - lever * c.trace()) * 0.5).abs();
+                        }
+                        carried =
+                            body.model.parent(i).map(|parent| (parent, *body.model.links()[i].origin()));
+                    }
+                    let variance = self.noise.powi(2) / self.weight(frame, k).max(f64::MIN_POSITIVE);
+                    let added = beyond[0].norm_squared() + n_frames * beyond[1].norm_squared();
+                    trust[k] = variance / (variance + added);
+                }
+            }
+            all.push(trust);
+        }
+        Ok(all)
     }
 
     /// Replaces the derivatives of a point on `body` by hinges that make a ball by those by rotations about the axes of the world.
@@ -342,6 +401,7 @@ impl Search<'_> {
             let arm = point - positions.pose(i)?.translation;
             for (hinge, axis) in hinges.into_iter().zip([Vector3::x(), Vector3::y(), Vector3::z()]) {
                 jacobian.fixed_view_mut::<3, 1>(0, hinge).copy_from(&axis.cross(&arm));
+                jacobian.fixed_view_mut::<3, 1>(3, hinge).copy_from(&axis);
             }
         }
         Ok(())
@@ -417,7 +477,7 @@ impl Search<'_> {
         q: &mut Vec<f64>,
     ) -> Result<f64, ScalingError> {
         let [mut damping, least, most] = DAMPING;
-        let mut block = self.block(body, data, frame, q, Purpose::Frame)?;
+        let mut block = self.block(body, data, frame, q, Purpose::Frame, None)?;
         for _ in 0..MAX_STEPS {
             if self.token.is_cancelled() {
                 return Err(FitError::Interrupted.into());
@@ -448,7 +508,7 @@ impl Search<'_> {
                     2.0 * damping
                 };
                 *q = moved;
-                block = self.block(body, data, frame, q, Purpose::Frame)?;
+                block = self.block(body, data, frame, q, Purpose::Frame, None)?;
             } else {
                 damping *= 10.0;
             }
@@ -464,7 +524,7 @@ impl Search<'_> {
         self.state = state;
         for _ in 0..self.options.max_iterations {
             self.iterations += 1;
-            let model = self.linearize(Purpose::Step)?;
+            let model = self.linearize(Purpose::Step, None)?;
             loop {
                 if damping > most {
                     return Ok(End::NoProgress);
@@ -499,28 +559,32 @@ impl Search<'_> {
 
     /// Covariances at the minimum; none where they are not finite.
     pub(super) fn posterior(&self) -> Result<Option<Posterior>, ScalingError> {
-        let model = self.linearize(Purpose::Covariances)?;
-        let mut hessian = model.hessian;
-        let mut inverses = Vec::with_capacity(model.frames.len());
-        let mut n_determined = 0.0;
-        for block in &model.frames {
-            let (inverse, rank) = pseudo_inverse(&block.hessian);
-            n_determined += rank as f64;
-            let solved = &inverse * &block.mixed;
-            hessian.gemm_tr(-1.0, &block.mixed, &solved, 1.0);
-            inverses.push((inverse, solved));
-        }
-        let Some(factor) = Cholesky::new(hessian) else { return Ok(None) };
-        let covariance = factor.inverse();
+        let Some(first) = self.eliminate(None)? else { return Ok(None) };
         // of each common unknown the fraction that is not the prior's
-        let told = covariance.diagonal().component_div(&self.prior_deviations().map(|x| x * x));
-        n_determined += told.iter().map(|x| 1.0 - x).sum::<f64>();
-        let deviations = inverses.iter().map(|(inverse, solved)| {
-            let of_common = solved * &covariance;
-            let variance = |i: usize| inverse[(i, i)] + of_common.row(i).dot(&solved.row(i));
+        let prior = self.prior_deviations().map(|x| x * x);
+        let told = first.covariance.diagonal().component_div(&prior).map(|x| 1.0 - x);
+        let rank = |block: &Block| pseudo_inverse(&block.hessian).1 as f64;
+        let n_determined = first.frames.iter().map(rank).sum::<f64>() + told.sum();
+        let trust = self.followed(&first)?;
+        let Some(Eliminated { frames, covariance }) = self.eliminate(Some(&trust))? else { return Ok(None) };
+        let deviations = frames.iter().map(|block| {
+            let (inverse, _) = pseudo_inverse(&block.hessian);
+            let by_common = &inverse * &block.mixed;
+            let of_common = &by_common * &covariance;
+            let variance = |i: usize| inverse[(i, i)] + of_common.row(i).dot(&by_common.row(i));
             (0..inverse.nrows()).map(|i| variance(i).max(0.0).sqrt()).collect()
         });
         Ok(Some(Posterior { deviations: deviations.collect(), covariance, n_determined }))
+    }
+
+    /// The covariance of the common unknowns, with those of the frames eliminated, where points count as `trust` says; none where it is not finite.
+    fn eliminate(&self, trust: Option<&[Vec<f64>]>) -> Result<Option<Eliminated>, ScalingError> {
+        let Quadratic { mut hessian, frames, .. } = self.linearize(Purpose::Covariances, trust)?;
+        for block in &frames {
+            let (inverse, _) = pseudo_inverse(&block.hessian);
+            hessian.gemm_tr(-1.0, &block.mixed, &(&inverse * &block.mixed), 1.0);
+        }
+        Ok(Cholesky::new(hessian).map(|factor| Eliminated { frames, covariance: factor.inverse() }))
     }
 }
 

@@ -232,6 +232,9 @@ fn people_are_followed_by_balls() {
             after.rms
         );
         assert!(after.success(), "{name}: {}", after.message());
+        // legs that spread make the pelvis wide where hips are hinges
+        let width = before.groups.iter().find(|group| group.name == "pelvis width").unwrap();
+        assert_eq!((1.15..1.2).contains(&width.scale), name == "backflip", "{width:?}");
         for group in &after.groups {
             assert!((group.scale - 1.0).abs() < 3.0 * group.deviation, "{name}: {group:?}");
         }

@@ -66,9 +66,10 @@ use somersault::motion::scaling::{
 /// Notes
 /// -----
 /// A point p of a body, or a joint that it carries, goes to S p with the diagonal matrix S of its sizes; masses stay. Sizes, offsets and postures
-/// minimise Σ ρ(c ‖x − y‖²/σ²) and the squares of logarithms of sizes and of offsets over their deviations, by Gauss-Newton with
-/// damping. Deviations are those of the inverse of the Hessian of data and prior without the postures, by linearisation; residuals that are alike from frame to
-/// frame, as under noise that is correlated and on skin that moves, count as if there were fewer frames.
+/// minimise Σ c ρ(‖x − y‖²)/σ² and the squares of logarithms of sizes and of offsets over their deviations, by Gauss-Newton with damping for sizes
+/// and offsets, between whose steps each frame is brought to its own minimum. Deviations are those of the inverse of the Hessian of data and prior without the
+/// postures, by linearisation; residuals that are alike from frame to frame, as under noise that is correlated and on skin that moves, count as if there
+/// were fewer frames. Where joints of the model cannot follow the person, sizes take their place: compare `rms` with that of a model with more joints.
 ///
 /// References
 /// ----------
