@@ -206,7 +206,8 @@ fn the_diver_with_balls_is_that_with_hinges_where_these_turn() {
             assert!((a.translation - b.translation).norm() + (a.rotation - b.rotation).amax() < 1e-13);
         }
         // its angles are those of the hinges, and no others; where two axes of a shoulder coincide they are other ones
-        for (name, angle) in diver.angles(&p).unwrap() {
+        for (name, angles) in diver.angles(&p).unwrap() {
+            let angle = angles[0];
             let hinge = hinged.dof_names().iter().position(|known| *known == name);
             let expected = hinge.map_or(0.0, |k| q[k + 1]);
             let coincides = name.contains("shoulder") && [Posture::C, Posture::G].contains(&posture);
@@ -224,7 +225,7 @@ fn angles_of_balls_make_their_rotations() {
     for _ in 0..200 {
         let q = trees::random_configuration(&mut random, &model).unwrap();
         let angles = diver.angles(&q).unwrap();
-        let angle = |name: &str| angles.iter().find(|(known, _)| known == name).unwrap().1;
+        let angle = |name: &str| angles.iter().find(|(known, _)| known == name).unwrap().1[0];
         for (body, names, axes) in [
             ("pelvis", ["pelvis_twist", "pelvis_bend", "pelvis_lean"], [z, -y, x]),
             ("head", ["neck", "neck_lean", "neck_turn"], [y, x, z]),
@@ -239,7 +240,12 @@ fn angles_of_balls_make_their_rotations() {
             assert!(made.angle_to(&turn) < 1e-7, "{body}");
         }
     }
-    assert!(diver.angles(&[0.0; 3]).is_err());
+    let two = [diver.configuration(Posture::A).unwrap(), diver.configuration(Posture::F).unwrap()].concat();
+    let knees = diver.angles(&two).unwrap().into_iter().find(|(name, _)| name == "right_knee").unwrap().1;
+    assert!(knees[0].abs() < 1e-12 && (knees[1] - 135_f64.to_radians()).abs() < 1e-12);
+    for bad in [&two[..3], &two[1..]] {
+        assert!(matches!(diver.angles(bad), Err(ModelError::Argument(_))));
+    }
 }
 
 /// I_y in lb in s², weight in lb and height in inches of three living men, positions 1 (standing) and 2 (arms

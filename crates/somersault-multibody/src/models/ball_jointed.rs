@@ -3,11 +3,11 @@
 use super::diver::{ABDUCTION_RANGE, ARM, Diver, HEAD, LEG, PELVIS, ROTATION_RANGE, SIDES, TWIST_RANGE};
 use super::posture::Posture;
 use crate::builder::ModelBuilder;
-use crate::error::{DynamicsError, ModelError};
+use crate::error::ModelError;
 use crate::joint::Joint;
 use crate::link::Link;
 use crate::model::Model;
-use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3, Vector4};
 use somersault_core::argument::{expect_finite, expect_length};
 use std::f64::consts::{PI, TAU};
 
@@ -29,8 +29,8 @@ use std::f64::consts::{PI, TAU};
 /// let diver = BallJointedDiver(Diver::spatial());
 /// let pike = diver.configuration(Posture::H)?;
 /// let angles = diver.angles(&pike)?;
-/// let hip = angles.iter().find(|(name, _)| name == "right_hip").unwrap().1;
-/// assert!((hip.to_degrees() - 120.0).abs() < 1e-9);
+/// let (_, hip) = angles.iter().find(|(name, _)| name == "right_hip").unwrap();
+/// assert!((hip[0].to_degrees() - 120.0).abs() < 1e-9);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -97,26 +97,30 @@ impl BallJointedDiver {
         Ok(names)
     }
 
-    /// The angles of the joints in a configuration, rad, by their names. Of the two triples that make the rotation of a ball, that one is given which
-    /// people reach. Where the second angle is ±90° the first and the third are about one axis, and the third is taken as zero.
-    pub fn angles(&self, q: &[f64]) -> Result<Vec<(String, f64)>, DynamicsError> {
-        let model = self.model().map_err(|_| DynamicsError::ForeignData)?;
-        expect_length("q", q.len(), model.n_positions())?;
+    /// The angles of the joints, rad, by their names, in each of some configurations that `q` has one after the other. Of the two triples that make the rotation
+    /// of a ball, that one is given which people reach. Where the second angle is ±90° the first and the third are about one axis, and the third is
+    /// taken as zero.
+    pub fn angles(&self, q: &[f64]) -> Result<Vec<(String, Vec<f64>)>, ModelError> {
+        let model = self.model()?;
+        let width = model.n_positions();
+        expect_length("q", q.len(), q.len().next_multiple_of(width))?;
         expect_finite("q", q)?;
         let mut found = Vec::with_capacity(model.n_velocities());
         let names = angle_names(&model);
         for ((i, names), ball) in (1..model.n_bodies()).zip(names).zip(balls_of(&model)) {
-            let own = &q[model.positions_of(i)];
-            let angles: Vec<f64> = match ball {
-                Some(ball) => {
-                    let turn = UnitQuaternion::new_normalize(Quaternion::from_vector(
-                        nalgebra::Vector4::from_column_slice(own),
-                    ));
-                    ball.angles_of(&turn).to_vec()
+            let of_joint = |row: &[f64]| -> [f64; 3] {
+                let own = &row[model.positions_of(i)];
+                match &ball {
+                    Some(ball) => {
+                        let turn = Quaternion::from_vector(Vector4::from_column_slice(own));
+                        ball.angles_of(&UnitQuaternion::new_normalize(turn))
+                    }
+                    None => [own[0], 0.0, 0.0],
                 }
-                None => own.to_vec(),
             };
-            found.extend(names.into_iter().zip(angles));
+            let rows: Vec<[f64; 3]> = q.chunks_exact(width).map(of_joint).collect();
+            let of_name = |(k, name)| (name, rows.iter().map(|angles| angles[k]).collect());
+            found.extend(names.into_iter().enumerate().map(of_name));
         }
         Ok(found)
     }

@@ -158,19 +158,17 @@ impl Diver {
         let rows = tree.q("q", q)?;
         let (all, width) = (rows.all()?, tree.model.n_positions());
         let root = tree.model.velocities_of(0).len();
-        let of_row = |row: &[f64]| -> Result<Vec<(String, f64)>, Error> {
-            if let Some(diver) = self.ball_jointed() {
-                return Ok(diver.angles(row)?);
+        let columns: Vec<(String, Vec<f64>)> = match self.ball_jointed() {
+            Some(diver) => diver.angles(&all)?,
+            None => {
+                let names = &self.diver.dof_names()[root..];
+                let column = |k: usize| all.chunks_exact(width).map(|row| row[k]).collect();
+                let of = |(name, k): (&&str, usize)| ((*name).to_owned(), column(k));
+                names.iter().zip(width - names.len()..).map(of).collect()
             }
-            let names = &self.diver.dof_names()[root..];
-            let angles = names.iter().zip(&row[width - names.len()..]);
-            Ok(angles.map(|(name, angle)| ((*name).to_owned(), *angle)).collect())
         };
-        let of_rows = all.chunks_exact(width).map(of_row).collect::<Result<Vec<_>, _>>()?;
         let found = PyDict::new(py);
-        let names = of_rows.first().map_or(&[][..], Vec::as_slice);
-        for (k, (name, _)) in names.iter().enumerate() {
-            let values: Vec<f64> = of_rows.iter().map(|row| row[k].1).collect();
+        for (name, values) in columns {
             let shape = if rows.is_many() { vec![values.len()] } else { vec![] };
             found.set_item(name, array(py, values, &shape)?)?;
         }
