@@ -221,7 +221,11 @@ impl ModelScaler {
             let noise = self.options.noise.unwrap_or(told);
             let counted = noise * repeats.sqrt();
             let is_same = (counted / search.noise - 1.0).abs() < SAME;
-            if is_same || end != End::Converged || over < LEAST_OVER || estimate == MAX_ESTIMATES {
+            let is_last = estimate == MAX_ESTIMATES;
+            if is_same || end != End::Converged || over < LEAST_OVER || is_last {
+                // noise that does not settle is no minimum
+                let is_open = is_last && !is_same && end == End::Converged && over >= LEAST_OVER;
+                let end = if is_open { End::IterationLimit } else { end };
                 let over = if over < LEAST_OVER { 0.0 } else { over };
                 let chi_squared = (told / noise).powi(2);
                 return Ok(Settled { end, posterior: Some((posterior, chi_squared)), noise, repeats, over });
