@@ -159,7 +159,7 @@ impl Diver {
         let (all, width) = (rows.all()?, tree.model.n_positions());
         let root = tree.model.velocities_of(0).len();
         let columns: Vec<(String, Vec<f64>)> = match self.ball_jointed() {
-            Some(diver) => diver.angles(&all)?,
+            Some(diver) => diver.angles(all)?,
             None => {
                 let names = &self.diver.dof_names()[root..];
                 let column = |k: usize| all.chunks_exact(width).map(|row| row[k]).collect();
