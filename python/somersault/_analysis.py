@@ -40,8 +40,8 @@ _CHANGES: tuple[dict[str, Any], ...] = (
     {"momentum": 0.02},
     {"height": 0.1},
 )
-#: Joints that are compared with the optimum: bodies of the planar diver, and of the spatial one, sides as
-#: one. Its arms leave the plane.
+#: Joints that are compared with the optimum: bodies of the planar diver, and of the spatial ones, sides as
+#: one. Their arms leave the plane.
 _JOINTS = {
     "trunk": (("pelvis",),),
     "hip": (("thigh",), ("right_thigh", "left_thigh")),
@@ -49,6 +49,8 @@ _JOINTS = {
     "shoulder": (("upper_arm",),),
     "elbow": (("forearm",), ("right_forearm", "left_forearm")),
 }
+#: Of the ball-jointed diver's angles those of the joints that are balls.
+_BALLS = {"trunk": ("pelvis_bend",), "hip": ("right_hip", "left_hip")}
 #: Folded postures of the templates, by the position.
 _POSTURES = {"pike": "H", "tuck": "F"}
 #: Distance of the markers, root mean square, beyond which the model is not the body that was recorded, m.
@@ -218,8 +220,8 @@ def analyse(
         Markers, or a file of any format that `read_file` reads, of which skeletons become their joint
         centres.
     markers : MarkerSet
-        The markers, and the model they are on: `diver_spatial`, `diver_planar`, or one whose bodies have
-        their names.
+        The markers, and the model they are on: `diver_spatial`, `diver_planar`, `diver_ball_jointed`, or one
+        whose bodies have their names.
     facing : {"water", "board"}, optional
         As of `identify_flight`.
     half_somersaults : int, optional
@@ -431,14 +433,18 @@ def _planar(flight: ReconstructedFlight) -> multibody.Diver:
 
 
 def joint_angles(model: multibody.Model, q: Array) -> dict[str, Array]:
-    """Angles of the joints that are compared, sides as one, rad."""
+    """Angles of the joints that are compared, sides as one, rad: of hinges, and of the ball-jointed diver."""
     names = set(model.names)
+    balls = multibody.diver_ball_jointed()
+    angles = balls.angles(q) if model.names == balls.model.names else {}
     found = {}
     for joint, sides in _JOINTS.items():
-        bodies = next((bodies for bodies in sides if names.issuperset(bodies)), None)
-        if bodies is not None:
-            columns = [q[:, model.positions_of(body)].ravel() for body in bodies]
-            found[joint] = np.mean(columns, axis=0)
+        bodies = next((bodies for bodies in sides if names.issuperset(bodies)), ())
+        columns = [q[:, model.positions_of(body)] for body in bodies]
+        if columns and all(column.shape[1] == 1 for column in columns):
+            found[joint] = np.mean([column.ravel() for column in columns], axis=0)
+        elif angles and joint in _BALLS:
+            found[joint] = np.mean([angles[name] for name in _BALLS[joint]], axis=0)
     return found
 
 

@@ -156,6 +156,8 @@ def _value(value: float, interval: tuple[float, float], factor: float, unit: str
     half = 0.5 * (interval[1] - interval[0]) * factor
     if not np.isfinite(half):
         return f"{value * factor:.{digits}f}{unit} at least"
+    # digits that the interval has
+    digits = max(digits, int(half < 1.0))
     return f"{value * factor:.{digits}f} ± {half:.{digits}f}{unit}"
 
 
@@ -225,6 +227,9 @@ def _curves(found: FlightAnalysis) -> str:
     if found.optimum is not None:
         optimal = joint_angles(found.optimum.dive.diver.model, np.asarray(found.optimum.q))
     for joint in ("hip", "knee"):
+        if joint not in recorded:
+            # balls of another model have no angles of these names
+            continue
         lines: list[Any] = [("recorded", t, degrees * recorded[joint], None)]
         if joint in optimal and found.optimum is not None:
             lines.append(("optimum", np.asarray(found.optimum.t) + t[0], degrees * optimal[joint], None))

@@ -154,6 +154,51 @@ def test_the_first_advice_names_the_fault_of_twenty_dives(
     expect_named(posture, half_somersaults, fault, seed, scale * FAULTS[fault][0])
 
 
+def entry_interval(seed: int, noise: float) -> tuple[float, float]:
+    """By how many standard deviations the angle at the entry is off, and half its 95 % interval, rad."""
+    run = flown(folding(folded("H"), OPENS), spin("H", 3))
+    seen = motion.place_markers(MARKERS, run.t, run.q)
+    points = seen.points + np.random.default_rng(seed).normal(0.0, noise, seen.points.shape)
+    recording = motion.MarkerRecording(seen.names, seen.times, points)
+    found = motion.identify_flight(motion.reconstruct_flight(MARKERS, recording, interval=(0.0, DURATION)))
+    # from the centre of mass of foot and toes to that of the hand
+    masses = {link.name: (link.mass, tuple(link.center)) for link in DIVER.model.links}
+    ends = motion.MarkerSet(DIVER.model, {name: (name, masses[name][1]) for name in ("hand", "foot", "toes")})
+    last = motion.place_markers(ends, [0.0, 1.0], [run.q[-1]] * 2)
+    feet = sum(masses[name][0] * last.track(name)[0] for name in ("foot", "toes"))
+    line = last.track("hand")[0] - feet / (masses["foot"][0] + masses["toes"][0])
+    true = np.arctan2(line[0], line[2]) % (2 * np.pi) - np.pi
+    low, high = found.entry_angle_interval
+    return float((found.entry_angle - true) / ((high - low) / 3.92)), float(high - low) / 2
+
+
+def test_intervals_of_the_entry_hold_the_truth() -> None:
+    off, half = np.transpose([entry_interval(seed, 0.01) for seed in range(8)])
+    assert np.sum(np.abs(off) < 1.96) >= 7 and np.sqrt(np.mean(off**2)) > 0.3
+    assert np.degrees(half).max() < 2.5
+
+
+@pytest.mark.study
+def test_intervals_of_the_entry_hold_the_truth_as_often_as_they_say() -> None:
+    off, _ = np.transpose([entry_interval(seed, 0.03) for seed in range(60)])
+    within = np.mean(np.abs(off) < 1.96)
+    print(within)
+    assert 0.88 <= within <= 0.99
+
+
+@pytest.mark.study
+def test_intervals_of_advice_are_as_long_as_documented() -> None:
+    amounts, halves = [], []
+    for seed in range(100, 125):
+        recording, _ = dive("H", 3, "opened early", seed)
+        known = motion.reconstruct_flight(MARKERS, recording, interval=(0.0, DURATION))
+        advice = {one.correction: one for one in motion.advise_flight(known, half_somersaults=3).advice}
+        low, high = advice["open_later"].amount_interval
+        amounts.append(advice["open_later"].amount)
+        halves.append(0.5 * (high - low))
+    assert abs(np.std(amounts) - 1.8e-3) < 2e-4 and abs(np.mean(halves) - 5.3e-3) < 3e-4
+
+
 def test_a_vertical_entry_has_no_advice() -> None:
     found = motion.advise_flight(flight(None), half_somersaults=3)
     lower, upper = found.entry_angle_interval
@@ -333,7 +378,7 @@ def test_a_file_becomes_a_page(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert "Open earlier by" in out and "Open earlier by" in page.read_text("utf-8")
     diver.write_text(DOCUMENT.replace("planar", "flat"))
     assert main(["analyse", str(file), "--diver", str(diver)]) == 2
-    assert "me.toml:1: model: must be one of spatial, planar" in capsys.readouterr().err
+    assert "me.toml:1: model: must be one of spatial, ball_jointed, planar" in capsys.readouterr().err
     diver.write_text(DOCUMENT + '[markers]\nhead = ["skull", [0, 0, 0]]\n')
     assert main(["analyse", str(file), "--diver", str(diver)]) == 2
     assert "markers" in capsys.readouterr().err

@@ -464,9 +464,15 @@ def _ground(page: Page) -> None:
 
 
 def _late() -> tuple[motion.MarkerSet, motion.MarkerRecording]:
-    """Joint centres of a planar diver who holds the pike of one and a half somersaults for too long."""
-    diver = multibody.diver_planar(mass=62.0, height=1.66)
-    straight, pike = diver.configuration("A")[3:], diver.configuration("H")[3:]
+    """Markers of a diver with legs apart who holds the pike of one and a half somersaults for too long."""
+    diver = multibody.diver_ball_jointed(mass=62.0, height=1.66)
+    model, start = diver.model, diver.configuration("A")
+    pike = np.r_[start[:7], diver.configuration("H")[7:]]
+    apart = np.zeros(model.n_velocities)
+    for side, sign in (("right", -1.0), ("left", 1.0)):
+        apart[diver.dof_names.index(f"{side}_thigh_x")] = sign * np.radians(15.0)
+    to_pike = model.difference(start, model.displace(pike, apart))
+    start[2] = 3.0
 
     def smooth(x: float) -> tuple[float, float]:
         x = float(np.clip(x, 0.0, 1.0))
@@ -475,13 +481,12 @@ def _late() -> tuple[motion.MarkerSet, motion.MarkerRecording]:
     def fold(t: float) -> tuple[Array, Array]:
         (bent, bends), (opened, opens) = smooth((t - 0.1) / 0.3), smooth((t - 1.05) / 0.25)
         rate = bends / 0.3 * (1 - opened) - bent * opens / 0.25
-        return straight + bent * (1 - opened) * (pike - straight), rate * (pike - straight)
+        return model.displace(start, bent * (1 - opened) * to_pike)[7:], rate * to_pike[6:]
 
-    v = np.zeros(diver.model.n_velocities)
-    v[:3] = 1.0, 4.8, -3.1
-    start = np.r_[0.0, 3.0, -0.1, straight]
-    true = multibody.fly(diver.model, start, v, fold, (0.0, 1.4), dt=0.01)
-    markers = motion.MarkerSet.joint_centres(diver.model)
+    v = np.zeros(model.n_velocities)
+    v[0], v[2], v[4] = 1.0, 4.8, 3.05
+    true = multibody.fly(model, start, v, fold, (0.0, 1.4), dt=0.02)
+    markers = motion.MarkerSet.on_diver(diver, "plug_in_gait")
     placed = motion.place_markers(markers, true.t, true.q)
     noise = np.random.default_rng(2).normal(0.0, 2 * _NOISE, placed.points.shape)
     return markers, motion.MarkerRecording(placed.names, true.t, placed.points + noise)
@@ -496,8 +501,9 @@ def _advice(page: Page) -> None:
     page.section("Advice for a dive")
     page.text(
         "<code>somersault analyse dive.trc --diver me.toml --out page.html</code> reconstructs a flight,"
-        " flies it again with changes, and ranks those that bring the entry to the vertical. This planar"
-        " diver holds the pike of one and a half somersaults for too long."
+        " flies it again with changes, and ranks those that bring the entry to the vertical. This diver, with"
+        " balls at hips, waist and shoulders and the legs apart, holds the pike of one and a half somersaults"
+        " for too long."
         f" What is found: {found.advice.message}. Each amount has a 95 % interval, and advice whose interval"
         " spans zero is withheld."
     )

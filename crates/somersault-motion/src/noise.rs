@@ -21,6 +21,11 @@ use rand::{Rng, RngExt};
 use serde::{Deserialize, Serialize};
 use somersault_core::argument::{ArgumentError, expect_positive, expect_range};
 
+/// The standard deviation of a variance, which rounding may leave below zero. NaN, of one that is not known, stays NaN.
+pub(crate) fn deviation_of(variance: f64) -> f64 {
+    if variance < 0.0 { 0.0 } else { variance.sqrt() }
+}
+
 /// The noise of markers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct MarkerNoise {
@@ -186,6 +191,12 @@ pub(crate) fn whitening(
 mod tests {
     use super::*;
     use nalgebra::{DMatrix, DVector};
+
+    #[test]
+    fn what_is_not_known_has_no_deviation() {
+        assert_eq!([4.0, -1e-20].map(deviation_of), [2.0, 0.0]);
+        assert!(deviation_of(f64::NAN).is_nan());
+    }
 
     #[test]
     fn innovations_have_the_squares_and_the_determinant_of_the_covariance() {

@@ -65,9 +65,8 @@ def _analyser(document: Document) -> Callable[[Path], motion.FlightAnalysis]:
 
     values = document.values
     sizes = {name: values[name] for name in ("mass", "height") if name in values}
-    make = multibody.diver_planar if values.get("model") == "planar" else multibody.diver_spatial
     with document.at():
-        diver = make(**sizes)
+        diver = getattr(multibody, f"diver_{values.get('model', 'spatial')}")(**sizes)
     with document.at("markers"):
         markers = _markers(diver, values)
     if (trial := _trial(document)) is not None:

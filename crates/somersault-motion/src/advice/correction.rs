@@ -3,6 +3,7 @@
 use super::AdviceError;
 use super::what_if::{AGREEMENT, WhatIfFlight};
 use crate::identification::{FlightReport, IdentificationStatus};
+use crate::noise::deviation_of;
 use crate::phases::WithInterval;
 use crate::reconstruction::ReconstructedFlight;
 use nalgebra::{Matrix3, SMatrix, Vector3};
@@ -309,8 +310,8 @@ impl WhatIfFlight<'_> {
         }))
     }
 
-    /// Standard deviations of the changes of the angle at the entry by opening, posture and momentum: of flights with each of what is not
-    /// certain displaced by its standard deviation to either side.
+    /// Standard deviations of the changes of the angle at the entry by opening, posture and momentum: of flights with momentum and joints displaced by
+    /// a standard deviation to either side along each principal axis of their covariances.
     fn slope_deviations(
         &self,
         model: &Model,
@@ -345,7 +346,7 @@ impl WhatIfFlight<'_> {
         let covariance = by * &flight.covariance * by.transpose();
         let parts = covariance.fixed_view::<3, 3>(0, 0).into_owned().symmetric_eigen();
         for (value, axis) in parts.eigenvalues.iter().zip(parts.eigenvectors.column_iter()) {
-            let step: Vector3<f64> = axis * value.max(0.0).sqrt();
+            let step: Vector3<f64> = axis * deviation_of(*value);
             if step.norm() > 1e-9 * own.angular_momentum.norm() {
                 let moved =
                     |step: Vector3<f64>| TakeOff { angular_momentum: own.angular_momentum + step, ..own };
@@ -354,14 +355,9 @@ impl WhatIfFlight<'_> {
         }
         // joints, as far from where they are in all frames
         let n_root = model.velocities_of(0).len();
-        let middle = &flight.frames[flight.frames.len() / 2];
-        let n_linear = model.n_velocities() - middle.deviations.len();
-        for k in n_root..model.n_velocities() {
-            let deviation = middle.deviations[k - n_linear];
-            if deviation > 0.0 {
-                let moved = |by: f64| (own, self.curves.displaced(k - n_root, by));
-                add([moved(deviation), moved(-deviation)])?;
-            }
+        for step in flight.frames[flight.frames.len() / 2].joint_displacements(n_root) {
+            let back: Vec<f64> = step.iter().map(|x| -x).collect();
+            add([(own, self.curves.displaced(&step)?), (own, self.curves.displaced(&back)?)])?;
         }
         Ok(variances.map(f64::sqrt))
     }
@@ -429,7 +425,10 @@ impl FlightAdvice {
         let WithInterval { value, lower, upper } = self.entry_angle;
         let half = 0.5 * (upper - lower).to_degrees();
         let side = if value < 0.0 { "short of" } else { "beyond" };
-        let entry = format!("the entry is {:.0} ± {half:.0}° {side} the vertical", value.abs().to_degrees());
+        // digits that the interval has
+        let digits = usize::from(half < 1.0);
+        let angle = value.abs().to_degrees();
+        let entry = format!("the entry is {angle:.digits$} ± {half:.digits$}° {side} the vertical");
         match self.status {
             AdviceStatus::Given => entry,
             AdviceStatus::Vertical => format!("{entry}, which is within the interval: there is nothing to correct"),

@@ -3,6 +3,7 @@
 use crate::analysis::Landmarks;
 use crate::identification::{Angles, HIP};
 use crate::reconstruction::ReconstructedFlight;
+use nalgebra::DVector;
 use somersault_multibody::{Data, DynamicsError, Model};
 
 /// While the body is folded.
@@ -70,7 +71,7 @@ fn tighter(
     angles: &Angles,
     q: &[f64],
 ) -> Result<(Vec<f64>, f64, bool), DynamicsError> {
-    let [hip, knee, _] = angles.least();
+    let [hip, knee] = angles.least();
     let is_tuck = knee < KNEE;
     let [closed_hip, closed_knee] = if is_tuck { TUCK } else { PIKE };
     let apart = [hip - closed_hip, if is_tuck { knee - closed_knee } else { 0.0 }];
@@ -83,23 +84,33 @@ fn tighter(
     for (k, bodies) in landmarks.hips_and_knees().into_iter().enumerate() {
         let weight = if most > 0.0 { (apart[k] / most).max(0.0) } else { [1.0, 0.0][k] };
         for body in bodies {
-            for dof in model.velocities_of(*body) {
+            let dofs = model.velocities_of(*body);
+            // of a hinge ±1, of a ball a unit vector
+            let mut sense = DVector::zeros(dofs.len());
+            for (sense, dof) in sense.iter_mut().zip(dofs.clone()) {
                 let mut step = vec![0.0; model.n_velocities()];
-                step[dof] = DISPLACEMENT;
-                let mut moved = q.to_vec();
-                model.displace(q, &step, &mut moved)?;
-                let mut angle = |q: &[f64]| match k {
-                    0 => landmarks.hip_angle(model, &mut data, q),
-                    _ => landmarks.knee_angle(model, &mut data, q),
+                let mut angle = |by: f64| {
+                    step[dof] = by;
+                    let mut moved = q.to_vec();
+                    model.displace(q, &step, &mut moved)?;
+                    match k {
+                        0 => landmarks.hip_angle(model, &mut data, &moved),
+                        _ => landmarks.knee_angle(model, &mut data, &moved),
+                    }
                 };
-                let sense = (angle(q)? - angle(&moved)?).signum();
+                *sense = angle(-DISPLACEMENT)? - angle(DISPLACEMENT)?;
+            }
+            if sense.try_normalize_mut(0.0).is_none() {
+                continue;
+            }
+            for (sense, dof) in sense.iter().zip(dofs) {
                 direction[dof - n_root] = sense * weight;
-                // joints have limits of their own
-                if let (Some([lower, upper]), true) = (model.limits(*body), weight > 0.0) {
-                    let now = q[model.positions_of(*body).start];
-                    let left = if sense > 0.0 { upper - now } else { now - lower };
-                    reach = reach.min(left / weight);
-                }
+            }
+            // joints have limits of their own
+            if let (Some([lower, upper]), true) = (model.limits(*body), weight > 0.0) {
+                let now = q[model.positions_of(*body).start];
+                let left = if sense[0] > 0.0 { upper - now } else { now - lower };
+                reach = reach.min(left / weight);
             }
         }
     }

@@ -20,8 +20,8 @@
 //! ```text
 //! x = −e/s,   σ_x² = (σ_e/s)² + (x σ_s/s)²
 //! ```
-//! e is the angle at the entry with its standard deviation, s its change for the unit of x. σ_s follows from flights flown again with the momentum
-//! displaced by a standard deviation along each axis of its covariance, and with each joint displaced by its own. Advice whose interval spans
+//! e is the angle at the entry with its standard deviation, s its change for the unit of x. σ_s follows from flights flown again with the momentum, and
+//! with the joints, displaced by a standard deviation along each principal axis of their covariance. Advice whose interval spans
 //! zero is withheld, as is what covers less than a twentieth within reach; so is all advice where the reconstruction is no success, gravity is another or no number of somersaults is sure.
 //!
 //! **Within reach**: a posture is left no later than so that the body is straight for a while before the entry ([`Reach`]), is no tighter than the
@@ -59,16 +59,6 @@ pub enum AdviceError {
     /// The flight cannot be identified.
     #[error(transparent)]
     Identification(#[from] IdentificationError),
-    /// Joints are hinges and slides.
-    #[error(
-        "the joints of a flight that is flown again are revolute and prismatic, but that of `{body}` is {joint}"
-    )]
-    Joint {
-        /// The body it carries.
-        body: String,
-        /// Its kind.
-        joint: &'static str,
-    },
     /// The token was cancelled.
     #[error("the flights were interrupted")]
     Interrupted,

@@ -115,23 +115,15 @@ impl<'m> WhatIfFlight<'m> {
         held: Option<HeldPosture>,
     ) -> Result<Self, AdviceError> {
         let Some(first) = flight.frames.first() else { return Err(IdentificationError::NoFrames.into()) };
-        for i in 1..model.n_bodies() {
-            if model.positions_of(i).len() != model.velocities_of(i).len() || model.velocities_of(i).len() > 1
-            {
-                let joint = model.joint(i).map_or("", |joint| joint.kind().name);
-                let body = model.name(i).unwrap_or_default().to_owned();
-                return Err(AdviceError::Joint { body, joint });
-            }
-        }
         let landmarks = Landmarks::of(model)?;
         let (root_q, root_v) = (model.positions_of(0).len(), model.velocities_of(0).len());
         let n = model.n_velocities() - root_v;
         let frames = &flight.frames;
         let curves = JointCurves::try_new(
+            model,
             frames.iter().map(|frame| frame.time).collect(),
             frames.iter().flat_map(|frame| frame.q[root_q..].iter().copied()).collect(),
             frames.iter().flat_map(|frame| frame.v[root_v..].iter().copied()).collect(),
-            n,
         )?;
         let folded = FoldedPhase::of(model, &landmarks, flight)?;
         let own = folded

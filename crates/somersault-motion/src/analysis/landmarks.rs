@@ -34,17 +34,19 @@ impl Landmarks {
         [&self.thighs, &self.shanks]
     }
 
-    /// Between the directions from thigh to head and from thigh to shank, rad, the mean of both sides.
+    /// Between the directions from the middle of the hips to the head and to the middle of the knees, rad: legs that are spread alike close it by
+    /// nothing.
     pub(crate) fn hip_angle(&self, model: &Model, data: &mut Data, q: &[f64]) -> Result<f64, DynamicsError> {
         let positions = model.positions(data, q)?;
         let origin = |body| positions.pose(body).map(|pose| pose.translation);
-        let head = origin(self.head)?;
-        let mut mean = 0.0;
-        for (&thigh, &shank) in self.thighs.iter().zip(&self.shanks) {
-            let hip = origin(thigh)?;
-            mean += angle(&(head - hip), &(origin(shank)? - hip)) / self.thighs.len() as f64;
-        }
-        Ok(mean)
+        let middle = |bodies: &[usize]| -> Result<Vector3<f64>, DynamicsError> {
+            let sum = bodies
+                .iter()
+                .try_fold(Vector3::zeros(), |sum, body| Ok::<_, DynamicsError>(sum + origin(*body)?))?;
+            Ok(sum / bodies.len() as f64)
+        };
+        let hip = middle(&self.thighs)?;
+        Ok(angle(&(origin(self.head)? - hip), &(middle(&self.shanks)? - hip)))
     }
 
     /// Between the directions from shank to thigh and from shank to foot, rad, the mean of both sides.

@@ -19,7 +19,8 @@
 //! **What is checked** by something that did not make it: gravity as the recording has it ([`seen_gravity`](crate::reconstruction::ReconstructedFlight::seen_gravity)) must be
 //! that of the model. A flight that was not reconstructed has no number.
 //!
-//! Intervals hold for the given body, as those of the reconstruction do; joints count as independent of one another.
+//! Intervals hold for the given body, as those of the reconstruction do. That of an angle has its changes with orientation and joints displaced by a
+//! standard deviation along each principal axis of their covariance in the frame.
 //!
 //! Sources: World Aquatics, *Diving Rules*, for numbers and positions; M. R. Yeadon, J. Biomech. 23 (1990) 59, for somersault and twist.
 

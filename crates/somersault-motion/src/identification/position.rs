@@ -55,7 +55,8 @@ const FLYING: (f64, f64) = (0.46, 0.03);
 pub(crate) struct Angles {
     pub(crate) hip: Vec<f64>,
     pub(crate) knee: Vec<f64>,
-    deviation: f64,
+    /// Of both in the frame in which the hip is closed most.
+    pub(super) deviations: [f64; 2],
 }
 
 impl Angles {
@@ -70,19 +71,14 @@ impl Angles {
             hip.push(landmarks.hip_angle(model, &mut data, &frame.q)?);
             knee.push(landmarks.knee_angle(model, &mut data, &frame.q)?);
         }
-        // of the joint that is known least, but for those that no marker sees
-        let n_root = model.velocities_of(0).len();
-        let leg = (0..model.n_bodies()).filter(|i| {
-            model.name(*i).is_some_and(|name| name.ends_with("thigh") || name.ends_with("shank"))
-        });
-        let joints: Vec<usize> = leg.flat_map(|i| model.velocities_of(i)).collect();
-        let n_linear =
-            n_root - flight.frames.first().map_or(0, |f| f.deviations.len() + n_root - model.n_velocities());
-        let middle = flight.frames.get(flight.frames.len() / 2);
-        let deviation = middle.map_or(f64::NAN, |frame| {
-            joints.iter().filter_map(|k| frame.deviations.get(k - n_linear)).copied().fold(0.0, f64::max)
-        });
-        Ok(Self { hip, knee, deviation })
+        let mut found = Self { hip, knee, deviations: [f64::NAN; 2] };
+        if let Some(frame) = flight.frames.get(found.closest()) {
+            found.deviations = [
+                frame.deviation_of(model, |q| landmarks.hip_angle(model, &mut data, q))?,
+                frame.deviation_of(model, |q| landmarks.knee_angle(model, &mut data, q))?,
+            ];
+        }
+        Ok(found)
     }
 
     /// The frame in which the hip is closed most.
@@ -90,12 +86,12 @@ impl Angles {
         (0..self.hip.len()).min_by(|i, j| self.hip[*i].total_cmp(&self.hip[*j])).unwrap_or(0)
     }
 
-    /// Least angle of the hip, and the mean of the knee's where the hip is nearly as closed, rad, with their deviation.
-    pub(crate) fn least(&self) -> [f64; 3] {
+    /// Least angle of the hip, and the mean of the knee's where the hip is nearly as closed, rad.
+    pub(crate) fn least(&self) -> [f64; 2] {
         let least = self.hip[self.closest()];
         let near = self.hip.iter().zip(&self.knee).filter(|(hip, _)| **hip < least + CLOSED);
         let (sum, n) = near.fold((0.0, 0.0), |(sum, n), (_, knee)| (sum + knee, n + 1.0));
-        [least, sum / n, self.deviation]
+        [least, sum / n]
     }
 
     fn is_folded(&self, i: usize) -> bool {
@@ -104,10 +100,10 @@ impl Angles {
 
     /// The positions with their probabilities.
     pub(super) fn positions(&self, flight: &ReconstructedFlight, is_twisting: bool) -> Vec<(Position, f64)> {
-        let [hip, knee, deviation] = self.least();
-        let size = SHARP.hypot(deviation);
-        let straight = below((hip - HIP) / size);
-        let pike = below((knee - KNEE) / size);
+        let [hip, knee] = self.least();
+        let [of_hip, of_knee] = self.deviations.map(|deviation| SHARP.hypot(deviation));
+        let straight = below((hip - HIP) / of_hip);
+        let pike = below((knee - KNEE) / of_knee);
         let free = if is_twisting {
             let [open, folded] = self.turned(flight);
             let is_turned = |turns: f64| below((turns - TURNED.0) / TURNED.1);

@@ -5,8 +5,11 @@ use super::code::{Direction, Facing, Group, directions, number};
 use super::count::Count;
 use super::position::{Angles, Position};
 use crate::analysis::Landmarks;
+use crate::noise::deviation_of;
 use crate::phases::{WithInterval, gravity_message};
-use crate::reconstruction::{FlightFrame, ReconstructedFlight, ReconstructionStatus, counting_of};
+use crate::reconstruction::{
+    FlightFrame, ReconstructedFlight, ReconstructionStatus, counting_of, read_orientation, travelling,
+};
 use serde::{Deserialize, Serialize};
 use somersault_multibody::{Data, DynamicsError, Model};
 use std::f64::consts::{PI, TAU};
@@ -95,8 +98,6 @@ const LISTED: f64 = 0.01;
 /// How far dives enter from the vertical, and end their twists from half ones, rad.
 const ENTRY: f64 = 0.52;
 const TWIST: f64 = 0.44;
-/// Displacement for derivatives, rad.
-const DISPLACEMENT: f64 = 1e-5;
 /// Standard deviations, and fraction of it, by which gravity is another.
 const OTHER_GRAVITY: (f64, f64) = (5.0, 0.04);
 
@@ -112,7 +113,7 @@ pub fn identify_flight(
     };
     let landmarks = Landmarks::of(model)?;
     let angles = Angles::of(model, &landmarks, flight)?;
-    let [end, end_deviation] = inclination(model, &landmarks, last)?;
+    let [end, end_deviation] = inclination(model, &landmarks, flight, first, last)?;
     // upside down in the first frame
     let is_armstand = first.inclination.abs() > 2.0 * PI / 3.0;
     let base = if is_armstand { PI.copysign(first.inclination) } else { 0.0 };
@@ -164,7 +165,8 @@ pub fn identify_flight(
         WithInterval::normal(frame.moment_of_inertia, frame.moment_of_inertia_deviation)
     };
     let by_inertia = |a: &&FlightFrame, b: &&FlightFrame| a.moment_of_inertia.total_cmp(&b.moment_of_inertia);
-    let [hip, knee, of_joints] = angles.least();
+    let [hip, knee] = angles.least();
+    let [of_hip, of_knee] = angles.deviations;
     let momentum = &flight.angular_momentum;
     let size = momentum.value.norm();
     let along = momentum.value.try_normalize(f64::MIN_POSITIVE).unwrap_or_default();
@@ -191,8 +193,8 @@ pub fn identify_flight(
         angular_momentum: WithInterval::normal(size, of_momentum),
         least_inertia: flight.frames.iter().min_by(by_inertia).map_or_else(WithInterval::none, inertia),
         greatest_inertia: flight.frames.iter().max_by(by_inertia).map_or_else(WithInterval::none, inertia),
-        hip: WithInterval::normal(hip, of_joints),
-        knee: WithInterval::normal(knee, of_joints),
+        hip: WithInterval::normal(hip, of_hip),
+        knee: WithInterval::normal(knee, of_knee),
         entry_angle: WithInterval::normal(beyond, end_deviation),
         gravity: WithInterval::normal(seen, seen_deviation),
         given_gravity: gravity,
@@ -207,32 +209,42 @@ fn quadratic(flight: &ReconstructedFlight, start: usize, gradient: &[f64]) -> f6
             sum += a * b * flight.covariance[(start + i, start + j)];
         }
     }
-    sum.max(0.0).sqrt()
+    deviation_of(sum)
 }
 
-/// The angle of the line from feet to hands from the vertical, whole turns counted as those of the body's long axis, and its standard
-/// deviation, joints independent.
-fn inclination(model: &Model, landmarks: &Landmarks, frame: &FlightFrame) -> Result<[f64; 2], DynamicsError> {
+/// The angle of the line from feet to hands from the vertical in a frame, whole turns counted as those of the body's long axis, and its standard
+/// deviation.
+fn inclination(
+    model: &Model,
+    landmarks: &Landmarks,
+    flight: &ReconstructedFlight,
+    first: &FlightFrame,
+    frame: &FlightFrame,
+) -> Result<[f64; 2], DynamicsError> {
     let mut data = Data::new(model);
     let twist = TAU * frame.twists;
-    let mut ahead = |q: &[f64]| line_ahead(model, landmarks, &mut data, q, twist);
+    let momentum = &flight.angular_momentum.value;
+    let counting = counting_of(model);
+    let is_planar = model.positions_of(0).len() == 3;
+    // the first frame decides where the flight travels, and turns are counted from the frame itself
+    let seen = |q: &[f64]| {
+        let orientations = [&first.q[..], q].map(|q| read_orientation(is_planar, q));
+        travelling(model, momentum, orientations)[1]
+    };
+    let own = seen(&frame.q);
+    let mut ahead = |q: &[f64]| -> Result<f64, DynamicsError> {
+        let turned = counting.along(&[own, seen(q)]);
+        let further = turned[1].somersault - turned[0].somersault;
+        Ok(further + line_ahead(model, landmarks, &mut data, q, twist)?)
+    };
     let angle = ahead(&frame.q)?;
-    let n = model.n_velocities();
-    let n_linear = n - frame.deviations.len();
-    let n_root = model.velocities_of(0).len();
-    let (mut step, mut moved) = (vec![0.0; n], frame.q.clone());
-    let mut variance = frame.inclination_deviation.powi(2);
-    for k in n_root..n {
-        let mut at = |h: f64| -> Result<f64, DynamicsError> {
-            step[k] = h;
-            model.displace(&frame.q, &step, &mut moved)?;
-            step[k] = 0.0;
-            ahead(&moved)
-        };
-        let slope = (at(DISPLACEMENT)? - at(-DISPLACEMENT)?) / (2.0 * DISPLACEMENT);
-        variance += (slope * frame.deviations[k - n_linear]).powi(2);
-    }
-    Ok([frame.inclination + angle, variance.sqrt()])
+    let deviation = frame.deviation_of(model, |q| Ok(angle + remainder(ahead(q)? - angle)))?;
+    Ok([frame.inclination + angle, deviation])
+}
+
+/// A difference of angles between −π and π.
+fn remainder(difference: f64) -> f64 {
+    difference - TAU * (difference / TAU).round()
 }
 
 /// How far the line from feet to hands leans forward of the body's long axis, rad, seen in the body turned back by its twist.
@@ -357,7 +369,9 @@ impl FlightReport {
                 format!("{:.digits$} (at least)", x.value * factor)
             }
         };
-        let degrees = |x: &WithInterval| plus(x, 180.0 / PI, 0);
+        // digits that the interval has
+        let degrees =
+            |x: &WithInterval| plus(x, 180.0 / PI, usize::from(0.5 * (x.upper - x.lower).to_degrees() < 1.0));
         let names = |texts: Vec<String>| texts.join(", ");
         let directions = self.directions.iter().map(|(direction, chance)| {
             let name =

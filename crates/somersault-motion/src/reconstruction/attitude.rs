@@ -120,7 +120,7 @@ pub(super) fn write_orientation(is_planar: bool, orientation: &UnitQuaternion<f6
 }
 
 /// The orientation of the root of a configuration.
-pub(super) fn read_orientation(is_planar: bool, q: &[f64]) -> UnitQuaternion<f64> {
+pub(crate) fn read_orientation(is_planar: bool, q: &[f64]) -> UnitQuaternion<f64> {
     if is_planar { so3::exp(&(Vector3::z() * q[2])) } else { so3::normalized_xyzw(&q[3..7]) }
 }
 

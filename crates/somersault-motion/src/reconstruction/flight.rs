@@ -2,10 +2,11 @@
 
 use super::MarkerNoise;
 use crate::fit::rms_of_markers;
+use crate::noise::deviation_of;
 use crate::phases::FlightPhase;
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
-use somersault_multibody::Model;
+use somersault_multibody::{DynamicsError, Model};
 
 /// How a reconstruction ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -121,8 +122,8 @@ pub struct FlightFrame {
     pub q: Vec<f64>,
     /// Its velocity: that of the root in m/s, in its axes.
     pub v: Vec<f64>,
-    /// Standard deviations of orientation (three numbers, one in the plane) and joints, along v.
-    pub deviations: Vec<f64>,
+    /// Covariance of orientation (three numbers, one in the plane) and joints, along v.
+    pub covariance: DMatrix<f64>,
     /// Centre of mass in the world, m.
     pub center_of_mass: Vector3<f64>,
     /// Of the root in the world's axes, rad/s.
@@ -249,6 +250,53 @@ const LISTED: f64 = 0.02;
 
 /// Angle to the full equations of motion that counts as agreement, rad.
 pub(super) const AGREEMENT: f64 = 1e-3;
+
+impl FlightFrame {
+    /// Standard deviations of orientation and joints, along v.
+    pub fn deviations(&self) -> Vec<f64> {
+        self.covariance.diagonal().iter().map(|x| deviation_of(*x)).collect()
+    }
+
+    /// Displacements of the joints after the root's `n_root` degrees of freedom by a standard deviation along each principal axis of their covariance.
+    pub(crate) fn joint_displacements(&self, n_root: usize) -> Vec<Vec<f64>> {
+        let n = self.v.len() - n_root;
+        let first = self.covariance.nrows() - n;
+        along_axes(self.covariance.view((first, first), (n, n)).into_owned())
+    }
+
+    /// The standard deviation of what is a function of the configuration: of its changes with displacements to either side the larger ones. NaN where the
+    /// covariance is not finite.
+    pub(crate) fn deviation_of(
+        &self,
+        model: &Model,
+        mut of: impl FnMut(&[f64]) -> Result<f64, DynamicsError>,
+    ) -> Result<f64, DynamicsError> {
+        if !self.covariance.iter().all(|x| x.is_finite()) {
+            return Ok(f64::NAN);
+        }
+        let (value, mut moved) = (of(&self.q)?, self.q.clone());
+        let n_linear = self.v.len() - self.covariance.nrows();
+        let mut variance = 0.0;
+        for along in along_axes(self.covariance.clone()) {
+            let mut step = [vec![0.0; n_linear], along].concat();
+            let mut largest = 0.0_f64;
+            for _ in 0..2 {
+                model.displace(&self.q, &step, &mut moved)?;
+                largest = largest.max((of(&moved)? - value).abs());
+                step.iter_mut().for_each(|x| *x = -*x);
+            }
+            variance += largest * largest;
+        }
+        Ok(variance.sqrt())
+    }
+}
+
+/// A vector of the length of one standard deviation along each principal axis of a covariance, which is finite.
+fn along_axes(covariance: DMatrix<f64>) -> Vec<Vec<f64>> {
+    let parts = covariance.symmetric_eigen();
+    let axes = parts.eigenvalues.iter().zip(parts.eigenvectors.column_iter());
+    axes.map(|(value, axis)| axis.iter().map(|x| x * deviation_of(*value)).collect()).collect()
+}
 
 impl ReconstructedFlight {
     /// Whether the search converged, the covariance is finite, χ² per degree of freedom is known and within its range, departures are

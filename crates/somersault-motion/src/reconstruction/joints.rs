@@ -232,14 +232,14 @@ impl JointSplines {
         }
     }
 
-    /// The covariance of the displacements of the joints where `of_channels` is that of the channels: J C Jᵀ, in place.
-    pub(super) fn of_displacements(&self, at: &Channels, of_channels: &mut DMatrix<f64>) {
+    /// The covariance with displacements of the joints where `covariance` has that with channels, from row and column `first` on: J C Jᵀ, in place.
+    pub(super) fn of_displacements(&self, at: &Channels, covariance: &mut DMatrix<f64>, first: usize) {
         for Ball { channel, .. } in &self.balls {
             let turn = so3::right_jacobian(&of_ball(&at.value, *channel));
-            let rows = turn * of_channels.rows(*channel, 3);
-            of_channels.rows_mut(*channel, 3).copy_from(&rows);
-            let columns = of_channels.columns(*channel, 3) * turn.transpose();
-            of_channels.columns_mut(*channel, 3).copy_from(&columns);
+            let rows = turn * covariance.rows(first + channel, 3);
+            covariance.rows_mut(first + channel, 3).copy_from(&rows);
+            let columns = covariance.columns(first + channel, 3) * turn.transpose();
+            covariance.columns_mut(first + channel, 3).copy_from(&columns);
         }
     }
 }

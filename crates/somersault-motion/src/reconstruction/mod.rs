@@ -55,6 +55,7 @@ mod start;
 mod unknowns;
 
 pub use crate::noise::MarkerNoise;
+pub(crate) use attitude::read_orientation;
 pub use flight::{
     BeyondLimit, Departure, Exchange, FlightFrame, Quantity, ReconstructedFlight, ReconstructionStatus,
 };

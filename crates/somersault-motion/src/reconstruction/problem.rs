@@ -19,6 +19,7 @@ use crate::frame_fits::{
     FrameFits, FrameNoise, UNKNOWN_NOISE, carry_much, chi_squared, frames_between, points_and_weights,
 };
 use crate::noise::MarkerNoise;
+use crate::noise::deviation_of;
 use crate::phases::{FlightPhase, find_flight};
 use crate::recording::MarkerRecording;
 use faer::Mat;
@@ -393,7 +394,8 @@ impl FlightReconstruction {
         let n_linear = self.model.joint(0).map_or(0, |joint| joint.kind().n_linear);
         let beyond_limits = BeyondLimit::of(&self.model, flown_frames.len(), |i, at, rate| {
             let frame = &flown_frames[i];
-            (frame.time, frame.q[at], frame.deviations[rate - n_linear])
+            let k = rate - n_linear;
+            (frame.time, frame.q[at], deviation_of(frame.covariance[(k, k)]))
         });
         let departs = beyond_limits.iter().any(BeyondLimit::is_far)
             || departures.iter().any(|[found, limit]| found > limit);

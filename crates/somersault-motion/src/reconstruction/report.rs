@@ -3,9 +3,11 @@
 use super::ReconstructionError;
 use super::attitude::{Attitude, Flown, flight_of, read_orientation, turn_of};
 use super::flight::{FlightFrame, Quantity, ReconstructedFlight};
+use super::joints::Channels;
 use super::normal::{Linearized, Placed};
 use super::search::Search;
 use super::unknowns::Estimate;
+use crate::noise::deviation_of;
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, RowDVector, UnitQuaternion, Vector3};
 use somersault_core::lie::so3::hat;
 use somersault_multibody::counting::Counting;
@@ -80,36 +82,27 @@ impl Report<'_> {
                 q[k] = place[k];
                 v[k] = v[k] * estimate.scale + carried[k];
             }
-            // the joints' covariance, along v
-            let of_channels = self.channel_covariance(flown, covariance, t);
-            let mut of_joints = of_channels;
-            flown.splines.of_displacements(&room.channels, &mut of_joints);
-            let of_attitude = &by_attitude * covariance * by_attitude.transpose();
-            let turning = if layout.is_planar { vec![2] } else { vec![0, 1, 2] };
-            let deviations = turning
-                .iter()
-                .map(|k| of_attitude[(*k, *k)])
-                .chain(of_joints.diagonal().iter().copied())
-                .map(f64::sqrt)
-                .collect();
+            let spread = &by_attitude * covariance;
+            let of_attitude = &spread * by_attitude.transpose();
+            let of_frame = self.frame_covariance(flown, covariance, t, &spread, &of_attitude, &room.channels);
             let direction = estimate.momentum.try_normalize(f64::MIN_POSITIVE).unwrap_or_else(Vector3::y);
             let inertia = inertia_of(model, &mut data, &q, &placed.turn)? * estimate.scale.powi(2);
             let moment = direction.dot(&(inertia * direction));
             let by_moment =
                 self.moment_gradient(search, estimate, &q, t, &direction, attitude, placed, &mut data)?;
             let moment_of_inertia_deviation =
-                (&by_moment * covariance * by_moment.transpose())[(0, 0)].sqrt();
+                deviation_of((&by_moment * covariance * by_moment.transpose())[(0, 0)]);
             let by_turn = self.counting().gradients(&travelling[i])[0];
-            let inclination_deviation = by_turn.dot(&(of_attitude * by_turn)).max(0.0).sqrt();
+            let inclination_deviation = deviation_of(by_turn.dot(&(of_attitude * by_turn)));
             found.push(FlightFrame {
                 time: t,
                 q,
                 v,
-                deviations,
+                covariance: of_frame,
                 center_of_mass: center,
                 angular_velocity: Quantity {
                     value: placed.turn * rate.angular_velocity,
-                    deviation: of_rate.diagonal().map(|x| x.max(0.0).sqrt()).fixed_rows::<3>(0).into_owned(),
+                    deviation: of_rate.diagonal().map(deviation_of).fixed_rows::<3>(0).into_owned(),
                 },
                 moment_of_inertia: moment,
                 moment_of_inertia_deviation,
@@ -132,20 +125,47 @@ impl Report<'_> {
         estimate.velocity + self.model.gravity() * (estimate.gravity * t)
     }
 
-    /// Of the channels at `t`.
-    fn channel_covariance(&self, flown: &Flown<'_>, covariance: &DMatrix<f64>, t: f64) -> DMatrix<f64> {
-        let n = flown.layout.n_channels;
+    /// Of the orientation and the joints at `t`, along v, where `of_attitude` is that of the orientation and `spread` its covariance with all
+    /// unknowns.
+    fn frame_covariance(
+        &self,
+        flown: &Flown<'_>,
+        covariance: &DMatrix<f64>,
+        t: f64,
+        spread: &Matrix3xX<f64>,
+        of_attitude: &Matrix3<f64>,
+        channels: &Channels,
+    ) -> DMatrix<f64> {
+        let layout = flown.layout;
+        let n = layout.n_channels;
         let acting = flown.splines.acting(t, 0);
-        let at = |k: usize, c: usize| flown.layout.coefficients() + (acting.first + k) * n + c;
-        DMatrix::from_fn(n, n, |a, b| {
-            let mut sum = 0.0;
-            for (i, x) in acting.factors.iter().enumerate() {
-                for (j, y) in acting.factors.iter().enumerate() {
-                    sum += x * y * covariance[(at(i, a), at(j, b))];
-                }
+        let at = |k: usize, c: usize| layout.coefficients() + (acting.first + k) * n + c;
+        let turning = if layout.is_planar { 2..3 } else { 0..3 };
+        let n_turns = turning.len();
+        let mut found = DMatrix::zeros(n_turns + n, n_turns + n);
+        for (row, k) in turning.clone().enumerate() {
+            for (column, l) in turning.clone().enumerate() {
+                found[(row, column)] = of_attitude[(k, l)];
             }
-            sum
-        })
+            for c in 0..n {
+                let sum: f64 =
+                    acting.factors.iter().enumerate().map(|(i, x)| x * spread[(k, at(i, c))]).sum();
+                (found[(row, n_turns + c)], found[(n_turns + c, row)]) = (sum, sum);
+            }
+        }
+        for a in 0..n {
+            for b in 0..n {
+                let mut sum = 0.0;
+                for (i, x) in acting.factors.iter().enumerate() {
+                    for (j, y) in acting.factors.iter().enumerate() {
+                        sum += x * y * covariance[(at(i, a), at(j, b))];
+                    }
+                }
+                found[(n_turns + a, n_turns + b)] = sum;
+            }
+        }
+        flown.splines.of_displacements(channels, &mut found, n_turns);
+        found
     }
 
     /// The derivatives of the moment of inertia about the axis of the momentum by the unknowns.
@@ -257,7 +277,7 @@ impl Report<'_> {
             rows[(9, k)] = 1.0;
         }
         flight.covariance = &rows * covariance * rows.transpose();
-        let deviation = |k: usize| flight.covariance[(k, k)].max(0.0).sqrt();
+        let deviation = |k: usize| deviation_of(flight.covariance[(k, k)]);
         let three = |first: usize| Vector3::from_fn(|k, _| deviation(first + k));
         let center = search.flown.center_of_mass(estimate, times[search.observed.reference], times[0]);
         let velocity = self.velocity_at(estimate, t);
@@ -284,7 +304,7 @@ impl Report<'_> {
                     row += by.tr_mul(&(gradient * sign));
                 }
             }
-            flight.turns_deviation[k] = row.dot(&(covariance * &row)).max(0.0).sqrt() / TAU;
+            flight.turns_deviation[k] = deviation_of(row.dot(&(covariance * &row))) / TAU;
         }
     }
 }

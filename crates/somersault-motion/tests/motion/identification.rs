@@ -208,6 +208,12 @@ fn what_was_not_reconstructed_has_no_number() {
     let report = identify_flight(&dived.model, &flight, None).unwrap();
     assert_eq!(report.status, IdentificationStatus::NotReconstructed);
     assert!(!report.success() && report.number.is_none() && report.message().contains("misfit"));
+    // what is not known has no interval
+    flight.frames.iter_mut().for_each(|frame| frame.covariance.fill(f64::NAN));
+    let report = identify_flight(&dived.model, &flight, None).unwrap();
+    assert!(
+        [report.hip, report.knee, report.entry_angle].iter().all(|x| x.lower.is_nan() && x.value.is_finite())
+    );
     flight.frames.clear();
     assert_eq!(identify_flight(&dived.model, &flight, None).unwrap_err(), IdentificationError::NoFrames);
     let arm = somersault_multibody::models::TwoLinkArm::default().model().unwrap();

@@ -243,9 +243,9 @@ fn all_off(truth: &Truth, flight: &ReconstructedFlight) -> Vec<f64> {
         found.extend(off(&frame.angular_velocity.value, &omega, &frame.angular_velocity.deviation));
         found.push(((frame.moment_of_inertia - inertia) / frame.moment_of_inertia_deviation).abs());
         model.difference(&truth.q[i], &frame.q, &mut apart).unwrap();
-        let n = frame.deviations.len();
-        let turned = &apart[apart.len() - n..];
-        found.extend(turned.iter().zip(&frame.deviations).map(|(x, deviation)| (x / deviation).abs()));
+        let deviations = frame.deviations();
+        let turned = &apart[apart.len() - deviations.len()..];
+        found.extend(turned.iter().zip(deviations).map(|(x, deviation)| (x / deviation).abs()));
     }
     found
 }
@@ -314,41 +314,75 @@ fn zero_lag(values: &mut [f64], cut: f64, rate: f64) {
     values.copy_from_slice(&x[pad..pad + n]);
 }
 
-/// What is usual: fits of single frames at the known size, which are then `filtered` and differentiated.
+/// Fits of single frames at the known size.
 fn fits(truth: &Truth, set: &MarkerSet, seen: &MarkerRecording) -> Vec<Vec<f64>> {
     let options = FitOptions { scale: Scale::Fixed(SCALE), ..FitOptions::default() };
     let fit = MarkerFit::try_new(&truth.model, set.clone(), options).unwrap().fit(seen).unwrap();
     fit.frames.iter().map(|frame| frame.estimate.q.clone()).collect()
 }
 
-/// Configurations behind a filter without lag, and their differences.
-fn filtered(truth: &Truth, mut q: Vec<Vec<f64>>, cut: f64) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
-    let n = truth.times.len();
-    for k in 0..q[0].len() {
-        let mut channel: Vec<f64> = q.iter().map(|q| q[k]).collect();
-        for i in 1..n {
-            if k == 2 {
-                channel[i] += TAU * ((channel[i - 1] - channel[i]) / TAU).round();
+/// A recording behind a filter without lag.
+fn filtered_markers(seen: &MarkerRecording, cut: f64) -> MarkerRecording {
+    let mut points: Vec<Option<Vector3<f64>>> = seen.frames().flatten().copied().collect();
+    let n_markers = seen.names().len();
+    for marker in 0..n_markers {
+        for axis in 0..3 {
+            let of_marker = points.iter().skip(marker).step_by(n_markers);
+            let mut channel: Vec<f64> = of_marker.map(|point| point.unwrap()[axis]).collect();
+            zero_lag(&mut channel, cut, 100.0);
+            for (point, x) in points.iter_mut().skip(marker).step_by(n_markers).zip(channel) {
+                point.as_mut().unwrap()[axis] = x;
             }
         }
+    }
+    MarkerRecording::try_new(seen.names().to_vec(), seen.times().to_vec(), points).unwrap()
+}
+
+/// Configurations behind a filter without lag; of quaternions, which continue with the sign of the frame before, each number.
+fn filtered(truth: &Truth, mut q: Vec<Vec<f64>>, cut: f64) -> Vec<Vec<f64>> {
+    let at = truth.model.joint(0).unwrap().kind().orientation();
+    for i in 1..q.len() {
+        let [before, own] = q.get_disjoint_mut([i - 1, i]).unwrap();
+        if at.len() == 1 {
+            own[at.start] += TAU * ((before[at.start] - own[at.start]) / TAU).round();
+        } else if before[at.clone()].iter().zip(&own[at.clone()]).map(|(a, b)| a * b).sum::<f64>() < 0.0 {
+            own[at.clone()].iter_mut().for_each(|x| *x = -*x);
+        }
+    }
+    for k in 0..q[0].len() {
+        let mut channel: Vec<f64> = q.iter().map(|q| q[k]).collect();
         zero_lag(&mut channel, cut, 100.0);
         q.iter_mut().zip(&channel).for_each(|(q, x)| q[k] = *x);
     }
-    let mut v = Vec::new();
-    for i in 0..n {
-        let (a, b) = (i.saturating_sub(1), (i + 1).min(n - 1));
+    q.iter_mut().for_each(|q| truth.model.normalize(q).unwrap());
+    q
+}
+
+/// Velocities by central differences.
+fn differences(truth: &Truth, q: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let between = |i: usize| {
+        let (a, b) = (i.saturating_sub(1), (i + 1).min(q.len() - 1));
         let mut rate = vec![0.0; truth.model.n_velocities()];
         truth.model.difference(&q[a], &q[b], &mut rate).unwrap();
         rate.iter_mut().for_each(|x| *x /= truth.times[b] - truth.times[a]);
-        v.push(rate);
-    }
-    (q, v)
+        rate
+    };
+    (0..q.len()).map(between).collect()
 }
 
-/// Errors of momentum frame by frame, of its mean, of the moment of inertia and of the angular velocity: as reconstructed, and by the usual way
-/// with the better of two filters; both know the size of the body.
-fn errors(truth: &Truth, set: &MarkerSet, share: f64, seed: u64) -> [[f64; 4]; 2] {
-    let seen = record(truth, set, 0.03, share, 0.0, seed);
+/// The usual ways: fits of single frames, a filter behind or before them at two frequencies, and differences.
+const N_WAYS: usize = 4;
+
+/// Errors of momentum frame by frame, of its mean, of the moment of inertia and of the angular velocity: as reconstructed, and by each of the usual
+/// ways, those with the filter behind the fits first. All know the size of the body.
+fn errors(
+    truth: &Truth,
+    set: &MarkerSet,
+    noise: f64,
+    share: f64,
+    seed: u64,
+) -> ([f64; 4], [[f64; 4]; N_WAYS]) {
+    let seen = record(truth, set, noise, share, 0.0, seed);
     let options =
         ReconstructionOptions { scale: BodyScale::Known(SCALE), ..ReconstructionOptions::default() };
     let flight = reconstruct(truth, set, &seen, options);
@@ -360,34 +394,41 @@ fn errors(truth: &Truth, set: &MarkerSet, share: f64, seed: u64) -> [[f64; 4]; 2
         rms(flight.frames.iter().zip(&exact).map(|(frame, exact)| frame.moment_of_inertia - exact.2)),
         rms(flight.frames.iter().zip(&exact).map(|(f, exact)| (f.angular_velocity.value - exact.1).norm())),
     ];
-    let mut of_usual = [f64::INFINITY; 4];
     let postures = fits(truth, set, &seen);
-    for cut in [6.0, 12.0] {
-        let (q, v) = filtered(truth, postures.clone(), cut);
+    let behind = |cut| filtered(truth, postures.clone(), cut);
+    let before = |cut| fits(truth, set, &filtered_markers(&seen, cut));
+    let of_ways = [behind(6.0), behind(12.0), before(6.0), before(12.0)].map(|q| {
+        let v = differences(truth, &q);
         let found: Vec<_> = q.iter().zip(&v).map(|(q, v)| mechanics(truth, q, v)).collect();
         let mean = found.iter().map(|found| found.0).sum::<Vector3<f64>>() / found.len() as f64;
-        let of_cut = [
+        [
             rms(found.iter().map(|found| (found.0 - truth.momentum).norm())),
             (mean - truth.momentum).norm(),
             rms(found.iter().zip(&exact).map(|(found, exact)| found.2 - exact.2)),
             rms(found.iter().zip(&exact).map(|(found, exact)| (found.1 - exact.1).norm())),
-        ];
-        of_usual.iter_mut().zip(of_cut).for_each(|(best, x)| *best = best.min(x));
-    }
-    [of_flight, of_usual]
+        ]
+    });
+    (of_flight, of_ways)
 }
 
-/// Ratios of the usual errors to those of reconstructions, each over all seeds.
-fn gains(truth: &Truth, share: f64, seeds: std::ops::Range<u64>) -> [f64; 4] {
+/// Ratios of the usual errors to those of reconstructions, each over all seeds and of the better frequency for it: with the filter behind the fits, and
+/// with the better of both places.
+fn gains(truth: &Truth, noise: f64, share: f64, seeds: std::ops::Range<u64>) -> [[f64; 4]; 2] {
     let set = markers(&truth.model);
-    let all: Vec<_> = seeds.map(|seed| errors(truth, &set, share, seed)).collect();
-    std::array::from_fn(|k| rms(all.iter().map(|e| e[1][k])) / rms(all.iter().map(|e| e[0][k])))
+    let all: Vec<_> = seeds.map(|seed| errors(truth, &set, noise, share, seed)).collect();
+    [N_WAYS / 2, N_WAYS].map(|n_ways| {
+        std::array::from_fn(|k| {
+            let of_way = |way: usize| rms(all.iter().map(|(_, ways)| ways[way][k]));
+            let usual = (0..n_ways).map(of_way).fold(f64::INFINITY, f64::min);
+            usual / rms(all.iter().map(|(flight, _)| flight[k]))
+        })
+    })
 }
 
 #[test]
 fn momentum_is_found_several_times_better_than_by_filters_and_differences() {
     let truth = dive(&Diver::planar());
-    let found = gains(&truth, 0.7, 2..3);
+    let [_, found] = gains(&truth, 0.03, 0.7, 2..3);
     println!(
         "correlated: momentum {:.1}, mean {:.1}, inertia {:.1}, angular velocity {:.1}",
         found[0], found[1], found[2], found[3]
@@ -396,25 +437,30 @@ fn momentum_is_found_several_times_better_than_by_filters_and_differences() {
 }
 
 #[test]
-#[ignore = "long form of `momentum_is_found_several_times_better_than_by_filters_and_differences`, 24 flights, 60 s: `make studies` runs it"]
+#[ignore = "long form of `momentum_is_found_several_times_better_than_by_filters_and_differences`, 40 flights, 250 s: `make studies` runs it"]
 fn gains_over_filters_and_differences() {
+    for (diver, share, documented) in [
+        (Diver::planar(), 0.0, [[26.4, 2.9, 1.6, 1.7], [26.4, 2.9, 1.6, 1.7]]),
+        (Diver::planar(), 0.7, [[8.8, 1.9, 1.4, 1.7], [8.8, 1.9, 1.4, 1.7]]),
+        (Diver::spatial(), 0.0, [[82.0, 9.0, 6.0, 5.5], [52.0, 6.1, 2.5, 5.5]]),
+        (Diver::spatial(), 0.7, [[39.0, 3.1, 2.4, 5.1], [39.0, 3.1, 1.8, 5.1]]),
+    ] {
+        let found = gains(&dive(&diver), 0.03, share, 0..10);
+        println!("{:?} {share}: momentum, mean, inertia, angular velocity {found:.2?}", diver.dimension);
+        for (found, documented) in found.iter().flatten().zip(documented.iter().flatten()) {
+            assert!((found / documented - 1.0).abs() < 0.1, "{found} for {documented}");
+        }
+    }
+}
+
+#[test]
+#[ignore = "long form of `momentum_is_found_several_times_better_than_by_filters_and_differences`, 32 flights, 250 s: `make studies` runs it"]
+fn gains_at_less_and_more_noise() {
     for diver in [Diver::planar(), Diver::spatial()] {
         let truth = dive(&diver);
-        let n = if diver == Diver::planar() { 10 } else { 2 };
-        for share in [0.0, 0.7] {
-            let [momentum, mean, inertia, rate] = gains(&truth, share, 0..n);
-            println!(
-                "{:?} {share}: momentum {momentum:.1}, mean {mean:.1}, inertia {inertia:.1}, angular velocity {rate:.1}",
-                diver.dimension
-            );
-            // as documented; the usual way loses turns in space
-            let documented = if share == 0.0 { 26.0 } else { 8.8 };
-            if n == 10 {
-                assert!((momentum / documented - 1.0).abs() < 0.1);
-                assert!([inertia, rate].iter().all(|gain| (1.15..1.75).contains(gain)));
-            } else {
-                assert!(momentum > documented);
-            }
+        for (noise, share) in [(0.01, 0.0), (0.01, 0.7), (0.065, 0.0), (0.065, 0.7)] {
+            let [found, of_both] = gains(&truth, noise, share, 0..4);
+            println!("{:?} {noise} {share}: {found:.2?} {of_both:.2?}", diver.dimension);
         }
     }
 }
@@ -450,16 +496,15 @@ fn coverage(truth: &Truth, n: u64) -> [f64; 3] {
 #[test]
 #[ignore = "long form of `flights_of_balls_and_hinges_are_recovered_within_their_intervals`, 60 flights, 150 s: `make studies` runs it"]
 fn intervals_of_dives_hold_the_truth_as_often_as_documented() {
-    let [momentum, velocity, all] = coverage(&dive(&Diver::planar()), 60);
-    // as often as they say but for the momentum, whose intervals are too short by a fifth
-    assert!(velocity > 0.92 && all > 0.88 && momentum > 0.8);
+    let found = coverage(&dive(&Diver::planar()), 60);
+    assert!(found.iter().all(|x| (0.88..=0.99).contains(x)), "{found:?}");
 }
 
 #[test]
 #[ignore = "long form of `flights_of_balls_and_hinges_are_recovered_within_their_intervals`, 60 flights, 40 s: `make studies` runs it"]
 fn intervals_of_balls_and_hinges_hold_the_truth_as_often_as_they_say() {
     let found = coverage(&gymnast(), 60);
-    assert!(found.iter().all(|x| *x > 0.93), "{found:?}");
+    assert!(found.iter().all(|x| (0.93..=0.99).contains(x)), "{found:?}");
 }
 
 #[test]

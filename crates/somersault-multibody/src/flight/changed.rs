@@ -4,8 +4,15 @@
 //! [`FlightChange`] makes another joint motion of the same diver, in a flight whose duration is D instead of D₀:
 //!
 //! ```text
-//! s(t) = h(τ) + α w(τ) d,   τ = t₀ + r (t − t₀) − δ σ(x),   r = D₀/D,   x = (t₀ + r (t − t₀) − t_h)/(t_o − t_h)
+//! s(t) = h(τ) ⊕ α w(τ) d,   τ = t₀ + r (t − t₀) − δ σ(x),   r = D₀/D,   x = (t₀ + r (t − t₀) − t_h)/(t_o − t_h)
 //! ```
+//! The numbers of hinges and slides are added, and a ball is turned by exp(α w d) in the axes of its body. Between samples i and i + 1 a ball is at
+//!
+//! ```text
+//! R(x) = R_i exp θ(x),   θ(0) = 0,   θ(1) = log(R_iᵀ R_{i+1}),   θ′(0) = ω_i h,   θ′(1) = J_r(θ(1))⁻¹ ω_{i+1} h
+//! ```
+//! with θ a cubic, h the time between the samples and ω the velocity in the axes of the body.
+//!
 //! From t_h to t_o a posture is held. With σ(x) = 3x² − 2x³ it is held longer by δ, and all that follows is later by δ; what comes after the
 //! last sample is taken to come to rest with 0.05 s. The posture is moved by α along d; w rises from 0 to 1 while it is taken, and falls while
 //! it is left. The momentum is (1 + ε) L. A flight that rises higher by Δ lasts until the centre of mass is where it was at the end, and all
@@ -17,22 +24,36 @@
 //! ```text
 //! ∂s/∂δ = −ḣ σ,  ∂ṡ/∂δ = −ḧ σ − ḣ σ̇;   ∂s/∂α = w d,  ∂ṡ/∂α = ẇ d;   ∂L/∂ε = L
 //! ```
+//! Those of a ball are displacements in the axes of its body: ∂ω/∂α has − w d × exp(−α w d) ω beside ẇ d.
 
 use super::step::{NODES, StageRate, StepDerivative, turn};
 use super::{Flight, FlightData, FlightError, TakeOff};
 use crate::error::DynamicsError;
+use crate::joint::Group;
 use crate::model::Model;
 use nalgebra::{UnitQuaternion, Vector3};
 use somersault_core::argument::{ArgumentError, expect_finite, expect_least, expect_length, expect_range};
 use somersault_core::lie::so3::{self, normalized_xyzw};
 
-/// Joints of a flight at times, and between them.
+/// Joints of a flight at times, and between them: hinges, slides and balls.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JointCurves {
     times: Vec<f64>,
+    /// Rows without the root.
     positions: Vec<f64>,
     velocities: Vec<f64>,
-    n: usize,
+    n_positions: usize,
+    n_velocities: usize,
+    tracks: Vec<Track>,
+}
+
+/// Where a row has a joint.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Track {
+    /// A hinge or a slide.
+    Number { q: usize, v: usize },
+    /// The quaternion of a ball, and its velocity.
+    Ball { q: usize, v: usize },
 }
 
 /// While a posture is held, and what of it changes.
@@ -86,8 +107,15 @@ const REST: f64 = 0.05;
 /// By which fraction of the time a posture is held this may become longer or shorter: τ rises as long as δ σ̇ < 1, σ̇ ≤ 3/2.
 const WARPED: f64 = 0.6;
 
-/// h, ḣ and ḧ of a joint.
+/// h, ḣ and ḧ of a number.
 type Jet = [f64; 3];
+
+/// A ball: its rotation, its velocity and the rate of that, in the axes of the body.
+struct BallJet {
+    rotation: UnitQuaternion<f64>,
+    velocity: Vector3<f64>,
+    acceleration: Vector3<f64>,
+}
 
 /// σ, rising from 0 at `from` to 1 at `to`, and its derivatives.
 fn smooth(t: f64, [from, to]: [f64; 2]) -> Jet {
@@ -98,28 +126,54 @@ fn smooth(t: f64, [from, to]: [f64; 2]) -> Jet {
     [x * x * (3.0 - 2.0 * x), 6.0 * x * (1.0 - x) / h, curved]
 }
 
+/// The cubic from 0 to `b`, with slopes `u` and `v` at the ends, at x; and its derivatives by x.
+fn cubic(b: f64, u: f64, v: f64, x: f64) -> Jet {
+    // u x + c x² + d x³
+    let (c, d) = (3.0 * b - 2.0 * u - v, u + v - 2.0 * b);
+    [x * (u + x * (c + x * d)), u + x * (2.0 * c + 3.0 * d * x), 2.0 * c + 6.0 * d * x]
+}
+
 impl JointCurves {
-    /// Curves through rows of positions and velocities at rising times.
+    /// Curves through configurations and velocities of the joints of `model` after its root, one row after the other, at rising times.
     pub fn try_new(
+        model: &Model,
         times: Vec<f64>,
         positions: Vec<f64>,
         velocities: Vec<f64>,
-        n: usize,
-    ) -> Result<Self, DynamicsError> {
-        expect_least("times", times.len(), 2)?;
-        expect_finite("times", &times)?;
-        expect_range("times", times[times.len() - 1] - times[0], "a flight of at most 500 s", |x| {
-            x <= LONGEST
-        })?;
-        if let Some(k) = times.windows(2).position(|pair| pair[1] <= pair[0]) {
-            let allowed = "rising";
-            return Err(ArgumentError::OutOfRange { argument: "times", allowed, found: times[k + 1] }.into());
-        }
-        for (argument, rows) in [("positions", &positions), ("velocities", &velocities)] {
-            expect_length(argument, rows.len(), n * times.len())?;
-            expect_finite(argument, rows)?;
-        }
-        Ok(Self { times, positions, velocities, n })
+    ) -> Result<Self, FlightError> {
+        let tracks = tracks(model)?;
+        let n_positions = model.n_positions() - model.positions_of(0).end;
+        let n_velocities = model.n_velocities() - model.velocities_of(0).end;
+        let checked = || -> Result<(), DynamicsError> {
+            expect_least("times", times.len(), 2)?;
+            expect_finite("times", &times)?;
+            expect_range("times", times[times.len() - 1] - times[0], "a flight of at most 500 s", |x| {
+                x <= LONGEST
+            })?;
+            if let Some(k) = times.windows(2).position(|pair| pair[1] <= pair[0]) {
+                let allowed = "rising";
+                return Err(
+                    ArgumentError::OutOfRange { argument: "times", allowed, found: times[k + 1] }.into()
+                );
+            }
+            for (argument, rows, n) in
+                [("positions", &positions, n_positions), ("velocities", &velocities, n_velocities)]
+            {
+                expect_length(argument, rows.len(), n * times.len())?;
+                expect_finite(argument, rows)?;
+            }
+            for (body, link) in model.links().iter().enumerate().skip(1) {
+                let Some(at) = link.joint().kind().quaternion() else { continue };
+                let from = model.positions_of(body).start - model.positions_of(0).end;
+                let is_none = |row: &[f64]| row[from + at.start..from + at.end].iter().all(|x| *x == 0.0);
+                if positions.chunks_exact(n_positions).any(is_none) {
+                    return Err(DynamicsError::NoRotation { joint: link.name().to_owned() });
+                }
+            }
+            Ok(())
+        };
+        checked()?;
+        Ok(Self { times, positions, velocities, n_positions, n_velocities, tracks })
     }
 
     /// First and last time, s.
@@ -127,34 +181,113 @@ impl JointCurves {
         [self.times[0], self.times[self.times.len() - 1]]
     }
 
-    /// The same with joint `k` displaced by as much at all times.
-    #[must_use]
-    pub fn displaced(&self, k: usize, by: f64) -> Self {
+    /// The same with the joints displaced by as much at all times, a number for each degree of freedom: balls in the axes of their bodies.
+    pub fn displaced(&self, by: &[f64]) -> Result<Self, DynamicsError> {
+        expect_length("by", by.len(), self.n_velocities)?;
+        expect_finite("by", by)?;
         let mut moved = self.clone();
-        moved.positions.iter_mut().skip(k).step_by(self.n.max(1)).for_each(|x| *x += by);
-        moved
+        for track in &self.tracks {
+            match *track {
+                Track::Number { q, v } => {
+                    moved.positions.chunks_exact_mut(self.n_positions).for_each(|row| row[q] += by[v]);
+                }
+                Track::Ball { q, v } => {
+                    let turn = so3::exp(&Vector3::from_column_slice(&by[v..v + 3]));
+                    for row in moved.positions.chunks_exact_mut(self.n_positions) {
+                        let turned = normalized_xyzw(&row[q..q + 4]) * turn;
+                        row[q..q + 4].copy_from_slice(turned.coords.as_slice());
+                    }
+                    // velocities are in axes that are displaced
+                    for row in moved.velocities.chunks_exact_mut(self.n_velocities) {
+                        let velocity = turn.inverse() * Vector3::from_column_slice(&row[v..v + 3]);
+                        row[v..v + 3].copy_from_slice(velocity.as_slice());
+                    }
+                }
+            }
+        }
+        Ok(moved)
     }
 
-    /// Joint `k` at `t`, which comes to rest after the last sample.
-    fn jet(&self, k: usize, t: f64) -> Jet {
+    /// The sample before `t` and what part of the way to the next it is, with the time between both; none after the last sample.
+    fn place(&self, t: f64) -> Option<(usize, f64, f64)> {
         let last = self.times.len() - 1;
-        let row = |values: &[f64], i: usize| values[i * self.n + k];
-        let beyond = t - self.times[last];
-        if beyond > 0.0 {
-            let (rate, left) = (row(&self.velocities, last), (-beyond / REST).exp());
-            let position = row(&self.positions, last) + rate * REST * (1.0 - left);
-            return [position, rate * left, -rate * left / REST];
+        if t > self.times[last] {
+            return None;
         }
         let i = self.times.partition_point(|time| *time <= t).clamp(1, last) - 1;
         let h = self.times[i + 1] - self.times[i];
-        let x = (t - self.times[i]) / h;
-        let [a, b] = [i, i + 1].map(|i| row(&self.positions, i));
-        let [u, v] = [i, i + 1].map(|i| row(&self.velocities, i) * h);
-        // a + u x + c x² + d x³
-        let (c, d) = (3.0 * (b - a) - 2.0 * u - v, 2.0 * (a - b) + u + v);
-        let position = a + x * (u + x * (c + x * d));
-        [position, (u + x * (2.0 * c + 3.0 * d * x)) / h, (2.0 * c + 6.0 * d * x) / (h * h)]
+        Some((i, (t - self.times[i]) / h, h))
     }
+
+    /// By how much what moves with velocity 1 at the last sample moves until `t`, as it comes to rest.
+    fn rest(&self, t: f64) -> Jet {
+        let left = (-(t - self.interval()[1]) / REST).exp();
+        [REST * (1.0 - left), left, -left / REST]
+    }
+
+    /// A number at `t`, from its places in the rows.
+    fn number(&self, q: usize, v: usize, t: f64) -> Jet {
+        let position = |i: usize| self.positions[i * self.n_positions + q];
+        let velocity = |i: usize| self.velocities[i * self.n_velocities + v];
+        let Some((i, x, h)) = self.place(t) else {
+            let last = self.times.len() - 1;
+            let [moved, rate, curved] = self.rest(t).map(|x| x * velocity(last));
+            return [position(last) + moved, rate, curved];
+        };
+        let start = position(i);
+        let [moved, rate, curved] = cubic(position(i + 1) - start, velocity(i) * h, velocity(i + 1) * h, x);
+        [start + moved, rate / h, curved / (h * h)]
+    }
+
+    /// A ball at `t`, from its places in the rows.
+    fn ball(&self, q: usize, v: usize, t: f64) -> BallJet {
+        let rotation = |i: usize| normalized_xyzw(&self.positions[i * self.n_positions + q..][..4]);
+        let velocity =
+            |i: usize| Vector3::from_column_slice(&self.velocities[i * self.n_velocities + v..][..3]);
+        let Some((i, x, h)) = self.place(t) else {
+            let last = self.times.len() - 1;
+            let [moved, rate, curved] = self.rest(t).map(|x| velocity(last) * x);
+            return BallJet {
+                rotation: rotation(last) * so3::exp(&moved),
+                velocity: rate,
+                acceleration: curved,
+            };
+        };
+        let start = rotation(i);
+        let to = so3::log(&(start.inverse() * rotation(i + 1)));
+        let from_slope = velocity(i) * h;
+        let to_slope = so3::right_jacobian_inverse(&to) * (velocity(i + 1) * h);
+        let [mut angle, mut rate, mut curved] = [Vector3::zeros(); 3];
+        for k in 0..3 {
+            [angle[k], rate[k], curved[k]] = cubic(to[k], from_slope[k], to_slope[k], x);
+        }
+        rate /= h;
+        curved /= h * h;
+        BallJet {
+            rotation: start * so3::exp(&angle),
+            velocity: so3::dexp(&-angle, &rate),
+            acceleration: so3::dexp(&-angle, &curved) - so3::dexp_partials(&-angle, &rate) * rate,
+        }
+    }
+}
+
+/// Where rows without the root have each joint after it.
+fn tracks(model: &Model) -> Result<Vec<Track>, FlightError> {
+    let [root_q, root_v] = [model.positions_of(0).end, model.velocities_of(0).end];
+    let mut tracks = Vec::with_capacity(model.n_bodies() - 1);
+    for (body, link) in model.links().iter().enumerate().skip(1) {
+        let [q, v] = [model.positions_of(body).start - root_q, model.velocities_of(body).start - root_v];
+        match (link.joint().group(), link.joint().n_velocities()) {
+            (Group::Vector, 0) => (),
+            (Group::Vector, 1) => tracks.push(Track::Number { q, v }),
+            (Group::Rotations, _) => tracks.push(Track::Ball { q, v }),
+            (Group::Vector | Group::PlanarMotions | Group::Motions, _) => {
+                let body = link.name().to_owned();
+                return Err(FlightError::Joint { body, joint: link.joint().kind().name });
+            }
+        }
+    }
+    Ok(tracks)
 }
 
 impl HeldPosture {
@@ -169,7 +302,7 @@ impl HeldPosture {
     }
 
     fn check(&self, curves: &JointCurves) -> Result<(), DynamicsError> {
-        expect_length("direction", self.direction.len(), curves.n)?;
+        expect_length("direction", self.direction.len(), curves.n_velocities)?;
         expect_finite("direction", &self.direction)?;
         expect_finite("times of the held posture", &self.times)?;
         let [start, end] = curves.interval();
@@ -211,25 +344,54 @@ impl Changed<'_> {
         let [sigma, slope, _] = smooth(regular, [begins, ends]);
         let (tau, rate) = (regular - opening * sigma, self.pace * (1.0 - opening * slope));
         let [weight, weight_rate, weight_curved] = held.weight(tau);
-        for (k, along) in held.direction.iter().enumerate() {
-            let mut jet = curves.jet(k, tau);
-            for (x, w) in jet.iter_mut().zip([weight, weight_rate, weight_curved]) {
-                *x += posture * along * w;
+        for track in &curves.tracks {
+            match *track {
+                Track::Number { q: at, v: k } => {
+                    let along = held.direction[k];
+                    let mut jet = curves.number(at, k, tau);
+                    for (x, w) in jet.iter_mut().zip([weight, weight_rate, weight_curved]) {
+                        *x += posture * along * w;
+                    }
+                    let [position, velocity, acceleration] = jet;
+                    q[at] = position;
+                    v[k] = velocity * rate;
+                    by[0][0][k] = -velocity * sigma;
+                    by[0][1][k] = -(acceleration * sigma * rate + velocity * slope * self.pace);
+                    by[1][0][k] = weight * along;
+                    by[1][1][k] = weight_rate * along * rate;
+                }
+                Track::Ball { q: at, v: k } => {
+                    let along = Vector3::from_column_slice(&held.direction[k..k + 3]);
+                    let BallJet { rotation, velocity, acceleration } = curves.ball(at, k, tau);
+                    let turn = so3::exp(&(along * (posture * weight)));
+                    // of h in the axes that it is turned into
+                    let (own, own_rate) = (turn.inverse() * velocity, turn.inverse() * acceleration);
+                    let added = along * (posture * weight_rate);
+                    let velocity = own + added;
+                    let acceleration = own_rate + own.cross(&added) + along * (posture * weight_curved);
+                    q[at..at + 4].copy_from_slice((rotation * turn).coords.as_slice());
+                    let columns =
+                        [(&mut v[k..k + 3], velocity * rate), (&mut by[0][0][k..k + 3], -velocity * sigma)];
+                    for (out, column) in columns {
+                        out.copy_from_slice(column.as_slice());
+                    }
+                    let [[_, opening_rate], [moved, moved_rate]] = by;
+                    let columns = [
+                        (opening_rate, -(acceleration * (sigma * rate) + velocity * (slope * self.pace))),
+                        (moved, along * weight),
+                        (moved_rate, (along * weight_rate - along.cross(&own) * weight) * rate),
+                    ];
+                    for (out, column) in columns {
+                        out[k..k + 3].copy_from_slice(column.as_slice());
+                    }
+                }
             }
-            let [position, velocity, acceleration] = jet;
-            q[k] = position;
-            v[k] = velocity * rate;
-            by[0][0][k] = -velocity * sigma;
-            by[0][1][k] = -(acceleration * sigma * rate + velocity * slope * self.pace);
-            by[1][0][k] = weight * along;
-            by[1][1][k] = weight_rate * along * rate;
         }
     }
 }
 
 impl<'m> KnownFlight<'m> {
-    /// The flight of `model` from `take_off`, at the first time of the curves, with the root at `orientation` as q has it. Joints are
-    /// hinges and slides.
+    /// The flight of `model` from `take_off`, at the first time of the curves, with the root at `orientation` as q has it.
     pub fn try_new(
         model: &'m Model,
         take_off: TakeOff,
@@ -242,10 +404,9 @@ impl<'m> KnownFlight<'m> {
         let checked = || -> Result<(), DynamicsError> {
             expect_length("orientation", orientation.len(), at.len())?;
             expect_finite("orientation", orientation)?;
-            expect_length("joints of the curves", curves.n, model.n_velocities() - flight.n_root())?;
-            // in a chart of their own balls would need more
-            let n_q = model.n_positions() - at.end;
-            expect_length("numbers of hinges and slides", curves.n, n_q)?;
+            let n_velocities = model.n_velocities() - flight.n_root();
+            expect_length("degrees of freedom of the curves", curves.n_velocities, n_velocities)?;
+            expect_length("numbers of the curves", curves.n_positions, model.n_positions() - at.end)?;
             held.check(&curves)
         };
         checked()?;
@@ -324,7 +485,7 @@ impl<'m> KnownFlight<'m> {
         let changed = Changed { known: self, change: *change, pace: (end - start) / duration };
         let (at, root_v) = (flight.orientation(), flight.n_root());
         let root_q = at.end;
-        let n = self.curves.n;
+        let n = self.curves.n_velocities;
         let none = || [vec![0.0; n], vec![0.0; n]];
         let mut by = [none(), none()];
         let mut data = FlightData::new(model);
@@ -388,8 +549,11 @@ impl<'m> KnownFlight<'m> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::builder::ModelBuilder;
     use crate::flight::{FlightSystem, ShapeMotion};
-    use crate::models::{Diver, Posture};
+    use crate::joint::Joint;
+    use crate::link::{Link, MassProperties};
+    use crate::models::{BallJointedDiver, Diver, Posture};
     use somersault_integrators::driver::{Adaptive, Steps};
     use somersault_integrators::methods::{Dop853, RungeKuttaMuntheKaas};
     use somersault_integrators::run::Run;
@@ -399,41 +563,75 @@ mod tests {
 
     /// Folded and unfolded by a square of a sine, and arms that swing apart in space.
     struct Fold {
+        tracks: Vec<Track>,
         open: Vec<f64>,
         closed: Vec<f64>,
+        n_velocities: usize,
     }
 
-    impl Fold {
-        fn of(diver: &Diver) -> (Model, Self) {
-            let model = diver.model().unwrap();
+    /// A model, its configuration in posture A, and how it folds.
+    fn bodies() -> [(Model, Vec<f64>, Fold); 3] {
+        let of = |model: Model, [open, closed]: [Vec<f64>; 2]| {
             let root = model.positions_of(0).len();
-            let [open, closed] =
-                [Posture::A, Posture::H].map(|p| diver.configuration(p).unwrap()[root..].to_vec());
-            (model, Self { open, closed })
-        }
+            let fold = Fold {
+                tracks: tracks(&model).unwrap(),
+                open: open[root..].to_vec(),
+                closed: closed[root..].to_vec(),
+                n_velocities: model.n_velocities() - model.velocities_of(0).len(),
+            };
+            (model, open, fold)
+        };
+        let postures = [Posture::A, Posture::H];
+        let hinged =
+            |diver: Diver| of(diver.model().unwrap(), postures.map(|p| diver.configuration(p).unwrap()));
+        let balls = BallJointedDiver(Diver::spatial());
+        let with_balls = of(balls.model().unwrap(), postures.map(|p| balls.configuration(p).unwrap()));
+        [hinged(Diver::planar()), hinged(Diver::spatial()), with_balls]
+    }
+
+    fn set(out: &mut [f64], vector: &Vector3<f64>) {
+        out.copy_from_slice(vector.as_slice());
     }
 
     impl ShapeMotion for Fold {
         fn evaluate(&self, t: f64, q: &mut [f64], v: &mut [f64]) {
             let w = std::f64::consts::PI / DURATION;
-            for (k, (open, closed)) in self.open.iter().zip(&self.closed).enumerate() {
-                q[k] = open + (closed - open) * (w * t).sin().powi(2) + 0.1 * (3.0 * t + k as f64).sin();
-                v[k] = (closed - open) * w * (2.0 * w * t).sin() + 0.3 * (3.0 * t + k as f64).cos();
+            let (folded, folding) = ((w * t).sin().powi(2), w * (2.0 * w * t).sin());
+            let wobble = |k: usize| (0.1 * (3.0 * t + k as f64).sin(), 0.3 * (3.0 * t + k as f64).cos());
+            for track in &self.tracks {
+                match *track {
+                    Track::Number { q: at, v: k } => {
+                        let (swing, rate) = wobble(k);
+                        q[at] = self.open[at] + (self.closed[at] - self.open[at]) * folded + swing;
+                        v[k] = (self.closed[at] - self.open[at]) * folding + rate;
+                    }
+                    Track::Ball { q: at, v: k } => {
+                        let [open, closed] =
+                            [&self.open, &self.closed].map(|row| normalized_xyzw(&row[at..at + 4]));
+                        let to = so3::log(&(open.inverse() * closed));
+                        let (swing, rate) = wobble(k);
+                        let axis = Vector3::new(0.6, 0.0, 0.8);
+                        let swung = so3::exp(&(axis * swing));
+                        let turned = open * so3::exp(&(to * folded)) * swung;
+                        q[at..at + 4].copy_from_slice(turned.coords.as_slice());
+                        set(&mut v[k..k + 3], &(swung.inverse() * to * folding + axis * rate));
+                    }
+                }
             }
         }
     }
 
     const TIMES: [f64; 4] = [0.1, 0.4, 0.8, 1.1];
 
-    fn known<'m>(diver: &Diver, model: &'m Model, shape: &Fold) -> KnownFlight<'m> {
-        let n = shape.open.len();
+    fn known<'m>(model: &'m Model, open: &[f64], shape: &Fold) -> KnownFlight<'m> {
+        let (n_q, n_v) = (shape.open.len(), shape.n_velocities);
         let times: Vec<f64> = (0..=120).map(|i| 0.01 * f64::from(i)).collect();
-        let (mut positions, mut velocities) = (vec![0.0; n * times.len()], vec![0.0; n * times.len()]);
-        for (t, (q, v)) in times.iter().zip(positions.chunks_exact_mut(n).zip(velocities.chunks_exact_mut(n)))
-        {
+        let (mut positions, mut velocities) = (vec![0.0; n_q * times.len()], vec![0.0; n_v * times.len()]);
+        let rows = positions.chunks_exact_mut(n_q).zip(velocities.chunks_exact_mut(n_v));
+        for (t, (q, v)) in times.iter().zip(rows) {
             shape.evaluate(*t, q, v);
         }
-        let curves = JointCurves::try_new(times, positions, velocities, n).unwrap();
+        let curves = JointCurves::try_new(model, times, positions, velocities).unwrap();
         let take_off = TakeOff {
             time: 0.0,
             center_of_mass: Vector3::new(0.0, 0.0, 11.0),
@@ -441,10 +639,9 @@ mod tests {
             angular_momentum: Vector3::new(1.0, 45.0, 2.0),
         };
         let at = model.joint(0).unwrap().kind().orientation();
-        let direction = (0..n).map(|k| if k < 3 { 1.0 } else { 0.3 }).collect();
+        let direction = (0..n_v).map(|k| if k < 3 { 1.0 } else { 0.3 }).collect();
         let held = HeldPosture { times: TIMES, direction };
-        KnownFlight::try_new(model, take_off, &diver.configuration(Posture::A).unwrap()[at], curves, held)
-            .unwrap()
+        KnownFlight::try_new(model, take_off, &open[at], curves, held).unwrap()
     }
 
     /// The joints with a change, written down once more: of the motion itself, not of its samples.
@@ -467,15 +664,27 @@ mod tests {
             let rate = self.pace * (1.0 - self.change.opening * slope);
             let ((rise, rising), (fall, falling)) = (step(tau, a, b), step(tau, c, d));
             self.shape.evaluate(tau.min(DURATION), q, v);
-            for k in 0..q.len() {
-                let more = self.change.posture * self.direction[k];
-                if tau > DURATION {
-                    let left = (-(tau - DURATION) / 0.05).exp();
-                    q[k] += v[k] * 0.05 * (1.0 - left);
-                    v[k] *= left;
+            // as far as what moves with velocity 1 at the end still moves
+            let left = if tau > DURATION { (-(tau - DURATION) / 0.05).exp() } else { 1.0 };
+            let moved = 0.05 * (1.0 - left);
+            let (weight, weight_rate) = (rise * (1.0 - fall), rising * (1.0 - fall) - rise * falling);
+            for track in &self.shape.tracks {
+                match *track {
+                    Track::Number { q: at, v: k } => {
+                        let more = self.change.posture * self.direction[k];
+                        q[at] += v[k] * moved + more * weight;
+                        v[k] = (v[k] * left + more * weight_rate) * rate;
+                    }
+                    Track::Ball { q: at, v: k } => {
+                        let more =
+                            Vector3::from_column_slice(&self.direction[k..k + 3]) * self.change.posture;
+                        let own = Vector3::from_column_slice(&v[k..k + 3]);
+                        let added = so3::exp(&(more * weight));
+                        let turned = normalized_xyzw(&q[at..at + 4]) * so3::exp(&(own * moved)) * added;
+                        q[at..at + 4].copy_from_slice(turned.coords.as_slice());
+                        set(&mut v[k..k + 3], &((added.inverse() * own * left + more * weight_rate) * rate));
+                    }
                 }
-                q[k] += more * rise * (1.0 - fall);
-                v[k] = (v[k] + more * (rising * (1.0 - fall) - rise * falling)) * rate;
             }
         }
     }
@@ -490,9 +699,8 @@ mod tests {
 
     #[test]
     fn changes_are_those_that_another_integrator_flies() {
-        for diver in [Diver::planar(), Diver::spatial()] {
-            let (model, shape) = Fold::of(&diver);
-            let known = known(&diver, &model, &shape);
+        for (model, open, shape) in bodies() {
+            let known = known(&model, &open, &shape);
             for change in CHANGES {
                 let found = known.fly(&change).unwrap();
                 let end = found.times[found.times.len() - 1];
@@ -513,7 +721,7 @@ mod tests {
                 let again = Again { shape: &shape, direction, change, pace };
                 let system = FlightSystem::new(Flight::try_new(&model, take_off).unwrap(), &again);
                 let at = model.joint(0).unwrap().kind().orientation();
-                let start = system.state(&diver.configuration(Posture::A).unwrap()[at.clone()]).unwrap();
+                let start = system.state(&open[at.clone()]).unwrap();
                 let control = Adaptive { max_step: 0.01, ..Adaptive::with_tolerances(1e-9, 1e-9) };
                 let steps = Steps::adapted((0.0, end), control);
                 let run =
@@ -529,8 +737,12 @@ mod tests {
                 // steps of 5 ms of order 4, and what the samples leave of the joints
                 assert!(apart < 2e-5, "{change:?}: {apart}");
                 // joints, and the place of the root
-                for (k, (a, b)) in q.iter().zip(last).enumerate().filter(|(k, _)| !at.contains(k)) {
-                    assert!((a - b).abs() < 0.01 * change.height + 1e-5, "{change:?} {k}: {a} {b}");
+                let mut apart = vec![0.0; model.n_velocities()];
+                model.difference(q, last, &mut apart).unwrap();
+                let place = q[..at.start].iter().zip(last).map(|(a, b)| a - b);
+                let joints = apart[model.velocities_of(0).end..].iter().copied();
+                for (k, off) in place.chain(joints).enumerate() {
+                    assert!(off.abs() < 0.01 * change.height + 1e-5, "{change:?} {k}: {off}");
                 }
             }
         }
@@ -538,13 +750,12 @@ mod tests {
 
     #[test]
     fn derivatives_are_differences() {
-        for diver in [Diver::planar(), Diver::spatial()] {
-            let (model, shape) = Fold::of(&diver);
-            let known = known(&diver, &model, &shape);
+        for (model, open, shape) in bodies() {
+            let known = known(&model, &open, &shape);
             for at in [CHANGES[0], CHANGES[4]] {
                 let found = known.fly(&at).unwrap();
                 let last = found.orientations.len() - 1;
-                let n_root = model.positions_of(0).len();
+                let n_root = model.velocities_of(0).len();
                 for k in 0..N_CHANGES {
                     let h = 1e-5;
                     let with = |h: f64| {
@@ -561,10 +772,12 @@ mod tests {
                     assert!(off < tolerance * turn.norm().max(1.0), "{k}: {turn} {}", found.by_change[k]);
                     let Some(joints) = found.joints_by_change.get(k) else { continue };
                     let row = |flown: &ChangedFlight| {
-                        flown.positions[flown.positions.len() - model.n_positions() + n_root..].to_vec()
+                        flown.positions[flown.positions.len() - model.n_positions()..].to_vec()
                     };
-                    for ((a, b), by) in row(&more).iter().zip(row(&less)).zip(joints) {
-                        assert!(((a - b) / (2.0 * h) - by).abs() < 1e-4);
+                    let mut apart = vec![0.0; model.n_velocities()];
+                    model.difference(&row(&less), &row(&more), &mut apart).unwrap();
+                    for (apart, by) in apart[n_root..].iter().zip(joints) {
+                        assert!((apart / (2.0 * h) - by).abs() < 1e-4);
                     }
                 }
             }
@@ -573,9 +786,8 @@ mod tests {
 
     #[test]
     fn what_a_flight_does_not_take_is_refused() {
-        let diver = Diver::planar();
-        let (model, shape) = Fold::of(&diver);
-        let known = known(&diver, &model, &shape);
+        let [(model, open, shape), _, (with_balls, ..)] = bodies();
+        let known = known(&model, &open, &shape);
         let message = |change: FlightChange| known.fly(&change).unwrap_err().to_string();
         assert!(
             message(FlightChange { opening: 0.25, ..CHANGES[0] }).contains("`opening` must be at most 0.6")
@@ -586,7 +798,8 @@ mod tests {
         }
         let n = shape.open.len();
         let rows = |times: &[f64], n_numbers: usize| {
-            JointCurves::try_new(times.to_vec(), vec![0.0; n_numbers], vec![0.0; n_numbers], n).map(|_| ())
+            JointCurves::try_new(&model, times.to_vec(), vec![0.0; n_numbers], vec![0.0; n_numbers])
+                .map(|_| ())
         };
         for (times, numbers, named) in [
             (&[0.0][..], n, "`times`"),
@@ -611,5 +824,19 @@ mod tests {
             known.held().clone(),
         );
         assert!(other.unwrap_err().to_string().contains("`orientation`"));
+        let zeros = |n: usize| vec![0.0; 2 * n];
+        let of = |model: &Model| {
+            let n = [
+                model.n_positions() - model.positions_of(0).len(),
+                model.n_velocities() - model.velocities_of(0).len(),
+            ];
+            JointCurves::try_new(model, vec![0.0, 1.0], zeros(n[0]), zeros(n[1]))
+        };
+        assert!(of(&with_balls).unwrap_err().to_string().contains("quaternion of joint `pelvis`"));
+        let mass = MassProperties::rod(1.0, Vector3::zeros(), Vector3::x());
+        let mut builder = ModelBuilder::new();
+        builder.add(Link::root("hub", Joint::Free, mass)).unwrap();
+        builder.add(Link::child("other", "hub", Joint::Free, mass)).unwrap();
+        assert!(of(&builder.build().unwrap()).unwrap_err().to_string().contains("that of `other` is free"));
     }
 }

@@ -63,6 +63,16 @@ pub enum FlightError {
         /// Name of the root.
         root: String,
     },
+    /// Joints that curves do not have.
+    #[error(
+        "the joints of a flight that is flown again are revolute, prismatic or spherical, but that of `{body}` is {joint}"
+    )]
+    Joint {
+        /// The body it carries.
+        body: String,
+        /// Its kind.
+        joint: &'static str,
+    },
     /// An argument is NaN or infinite.
     #[error("`{argument}` must be finite")]
     NonFinite {

@@ -25,9 +25,10 @@ use somersault::multibody::flight::{FlightChange, HeldPosture};
 ///
 /// .. code-block:: text
 ///
-///     s(t) = h(τ) + posture · w(τ) d,   τ = t₀ + r (t − t₀) − opening · σ(x),   L → (1 + momentum) L
+///     s(t) = h(τ) ⊕ posture · w(τ) d,   τ = t₀ + r (t − t₀) − opening · σ(x),   L → (1 + momentum) L
 ///
-/// so that the posture is left later by `opening`, and all that follows with it; d closes hips and, of a tuck, knees. A flight that rises higher by `height`
+/// so that the posture is left later by `opening`, and all that follows with it; d closes hips and, of a tuck, knees. Numbers of hinges are added; a ball
+/// turns by the rotation vector in the axes of its body. A flight that rises higher by `height`
 /// lasts until the centre of mass is where it was at the end, and all joints take their time in proportion. The orientation is integrated in
 /// steps of 5 ms, of order 4.
 ///
@@ -38,11 +39,12 @@ use somersault::multibody::flight::{FlightChange, HeldPosture};
 /// Parameters
 /// ----------
 /// flight : ReconstructedFlight
-///     Of a diver: `diver_planar`, `diver_spatial`, or a model with hinges and slides whose bodies have their names.
+///     Of a diver: `diver_planar`, `diver_spatial`, `diver_ball_jointed`, or a model with hinges, slides and balls whose bodies have their names.
 /// opening : float
 ///     By how much later the posture is left, s; earlier where it is negative. At most 0.6 of the time it is held.
 /// posture : float
-///     By how much tighter the posture is, rad of the joint that moves most; looser where it is negative.
+///     By how much tighter the posture is, rad of the joint that moves most; looser where it is negative. A ball turns about the axis that
+///     closes its angle most.
 /// momentum : float
 ///     By which fraction of it the angular momentum is larger.
 /// height : float
@@ -52,7 +54,7 @@ use somersault::multibody::flight::{FlightChange, HeldPosture};
 ///     hip is closed most; a flight that is not folded has none.
 /// joints : dict of str to float, optional
 ///     Degrees of freedom that `posture` moves, and how far for 1: of a throw, for instance, those of an arm. Names are those of bodies whose joint
-///     has one degree of freedom. Hips and knees unless given.
+///     has one degree of freedom; of balls those of their bodies with `_x`, `_y` or `_z`, about whose axes they turn. Hips and knees unless given.
 ///
 /// Returns
 /// -------
@@ -62,7 +64,7 @@ use somersault::multibody::flight::{FlightChange, HeldPosture};
 /// ------
 /// InputError
 ///     If a change is beyond what is allowed or the flight holds no posture, times do not rise or leave the flight, a name is unknown, or the
-///     model has not the bodies of a diver or has ball joints.
+///     model has not the bodies of a diver, or has free or planar joints beside the root's.
 ///
 /// Examples
 /// --------
@@ -124,24 +126,28 @@ pub(crate) fn what_if(
 fn direction_of(model: &somersault::multibody::Model, joints: &Bound<'_, PyDict>) -> Result<Vec<f64>, Error> {
     let n_root = model.velocities_of(0).len();
     let mut direction = vec![0.0; model.n_velocities() - n_root];
-    let names: Vec<&str> = (1..model.n_bodies()).filter_map(|i| model.name(i)).collect();
+    let mut names = Vec::with_capacity(direction.len());
+    for (i, link) in model.links().iter().enumerate().skip(1) {
+        let (name, dofs) = (link.name(), model.velocities_of(i));
+        if dofs.len() == 1 {
+            names.push((name.to_owned(), dofs.start));
+        } else {
+            names.extend(["x", "y", "z"].iter().zip(dofs).map(|(axis, k)| (format!("{name}_{axis}"), k)));
+        }
+    }
     for (name, size) in joints.iter() {
-        let wrong =
-            |what: &str| Error::input(format!("`joints` must be names of bodies with numbers, found {what}"));
+        let wrong = |what: &str| {
+            Error::input(format!("`joints` must be names of degrees of freedom with numbers, found {what}"))
+        };
         let name: String = name.extract().map_err(|_| wrong(&a_type(&name)))?;
         let size: f64 = size.extract().map_err(|_| wrong(&a_type(&size)))?;
-        let unknown = || {
-            let meant = did_you_mean(&name, names.iter().copied());
-            Error::input(format!(
-                "`joints` must name bodies whose joint has one degree of freedom, found '{name}'{meant}"
-            ))
+        let Some((_, dof)) = names.iter().find(|(known, _)| *known == name) else {
+            let meant = did_you_mean(&name, names.iter().map(|(known, _)| known.as_str()));
+            return Err(Error::input(format!(
+                "`joints` must name bodies whose joint has one degree of freedom, or a ball's body with _x, _y or _z, found '{name}'{meant}"
+            )));
         };
-        let body = model.body(&name).map_err(|_| unknown())?;
-        let dofs = model.velocities_of(body);
-        if body == 0 || dofs.len() != 1 {
-            return Err(unknown());
-        }
-        direction[dofs.start - n_root] = size;
+        direction[dof - n_root] = size;
     }
     Ok(direction)
 }
@@ -319,8 +325,8 @@ impl WhatIf {
 ///
 ///     x = −e/s,   σ_x² = (σ_e/s)² + (x σ_s/s)²
 ///
-/// with e the angle at the entry and its standard deviation, s its change for the unit of x. σ_s follows from flights flown again with the momentum
-/// displaced by a standard deviation to either side along each axis of its covariance, and with each joint displaced by its own. What has an interval
+/// with e the angle at the entry and its standard deviation, s its change for the unit of x. σ_s follows from flights flown again with the momentum, and
+/// with the joints, displaced by a standard deviation to either side along each principal axis of their covariance. What has an interval
 /// that spans zero is withheld. There is no advice where the entry is vertical within its interval, the flight is no success, gravity is another, or the
 /// number of somersaults is not sure.
 ///

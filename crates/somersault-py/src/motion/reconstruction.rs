@@ -13,7 +13,7 @@ use crate::multibody::model::Model;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple, PyType};
 use somersault::motion::fit::BodyScale;
-use somersault::motion::nalgebra::{Matrix3, Vector3};
+use somersault::motion::nalgebra::{DMatrix, Matrix3, Vector3};
 use somersault::motion::reconstruction::{
     BeyondLimit, Departure, Exchange, FlightFrame, FlightReconstruction, MarkerNoise, Quantity,
     ReconstructedFlight as Flight, ReconstructionOptions, ReconstructionStatus,
@@ -152,7 +152,7 @@ pub(super) fn noise_of(value: &Bound<'_, PyAny>) -> Result<MarkerNoise, Error> {
 /// A flight that obeys the laws of flight exactly and comes nearest to a recording. Arrays have a row for each frame.
 ///
 /// Deviations are standard deviations, those of the inverse of the Hessian, for the given masses. Of planar dives with noise of 30 mm, most of it
-/// correlated, ± 1.96 of them hold the velocity in 95 of 100 cases, all results together in 90, and the angular momentum in 83. Pictures, `plotting.tree_motion` and the viewer take it like a MotionFit.
+/// correlated, ± 1.96 of them hold the velocity in 96 of 100 cases, all results together in 93, and the angular momentum in 95. Pictures, `plotting.tree_motion` and the viewer take it like a MotionFit.
 #[pyclass(frozen, module = "somersault.motion")]
 pub(crate) struct ReconstructedFlight {
     pub(super) markers: Py<MarkerSet>,
@@ -217,7 +217,12 @@ value! {
         /// ndarray, shape (n_frames, n): Deviations of the orientation of the root, three numbers along its axes or one in the plane, and of the joints, rad
         /// or m, in the order of `v`.
         deviations: PyResult<Bound<'py, PyAny>> =
-            |own, py| own.rows(py, &[own.width(|frame| frame.deviations.len())], |frame| frame.deviations.clone());
+            |own, py| own.rows(py, &[own.width(|frame| frame.covariance.nrows())], FlightFrame::deviations);
+        /// ndarray, shape (n_frames, n, n): Covariance of orientation and joints in each frame, in the order of `deviations`.
+        frame_covariances: PyResult<Bound<'py, PyAny>> = |own, py| {
+            let n = own.width(|frame| frame.covariance.nrows());
+            own.rows(py, &[n, n], |frame| frame.covariance.iter().copied().collect())
+        };
         /// float: Size over that of the model.
         scale: f64 = |own| own.flight.scale[0];
         /// float: Its deviation; 0 if it was known.
@@ -561,7 +566,7 @@ fn packed(frame: &FlightFrame) -> Vec<f64> {
     row.extend([frame.moment_of_inertia, frame.moment_of_inertia_deviation]);
     row.extend(frame.inertia.iter());
     row.extend([frame.somersaults, frame.twists, frame.tilt, frame.inclination, frame.inclination_deviation]);
-    row.extend(frame.q.iter().chain(&frame.v).chain(&frame.deviations));
+    row.extend(frame.q.iter().chain(&frame.v).chain(&frame.covariance));
     row.extend(frame.residuals.iter().map(|r| r.unwrap_or(f64::NAN)));
     row
 }
@@ -574,18 +579,18 @@ fn unpacked(
 ) -> Result<FlightFrame, Error> {
     let (n_q, n_v) = (model.n_positions(), model.n_velocities());
     let n_linear = model.joint(0).map_or(0, |joint| joint.kind().n_linear);
-    let n_deviations = n_v - n_linear;
-    same_length("frames", row.len(), N_OF_FRAME + n_q + n_v + n_deviations + n_markers)?;
+    let n = n_v - n_linear;
+    same_length("frames", row.len(), N_OF_FRAME + n_q + n_v + n * n + n_markers)?;
     let (fixed, rest) = row.split_at(N_OF_FRAME);
     let (q, rest) = rest.split_at(n_q);
     let (v, rest) = rest.split_at(n_v);
-    let (deviations, residuals) = rest.split_at(n_deviations);
+    let (covariance, residuals) = rest.split_at(n * n);
     let three = |first: usize| Vector3::from_column_slice(&fixed[first..first + 3]);
     Ok(FlightFrame {
         time: fixed[0],
         q: q.to_vec(),
         v: v.to_vec(),
-        deviations: deviations.to_vec(),
+        covariance: DMatrix::from_column_slice(n, n, covariance),
         center_of_mass: three(1),
         angular_velocity: Quantity { value: three(4), deviation: three(7) },
         moment_of_inertia: fixed[10],
