@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
@@ -205,11 +205,12 @@ def analyse(
     Reconstructs the flight, says what it was, flies it again with changes, compares it with the optimal dive
     of the same kind, and says what to do for a vertical entry.
 
-    The optimum is the planar dive that turns the same number of half somersaults, in the same time and
-    position, from the same lean, to a vertical entry: of minimum effort with the angular momentum that was
-    flown, or of least momentum where that is more. Its body is the diver of the same mass and length of the
-    thighs. Straight and twisting dives have none, since templates of optimal dives are folded, and those
-    with twists have times of their own.
+    The optimum is the dive that turns the same numbers of half somersaults and half twists, in the same time,
+    from the same lean, to a vertical entry: of minimum effort with the angular momentum that was flown, or of
+    least momentum where that is more. Its body is the diver of the same mass and lengths of segments, in the
+    plane and in the same position without twists, and with twists in space and free: arms throw, twist
+    overhead, square out. Straight dives and armstands have none, since templates of optimal dives are folded
+    and begin upright, and where the search finds none, `optimum_message` says why.
 
     There is no advice, and no optimum, where the flight is no success, gravity in the recording is not that
     of the model, or the markers are more than 80 mm (root mean square) from the body.
@@ -229,7 +230,7 @@ def analyse(
     line_up, momentum_reach : float, optional
         As of `advise_flight`.
     optimum : bool
-        Whether to look for the optimum, a second or less for a planar dive.
+        Whether to look for the optimum: a second or less for a dive without twists, some seconds with them.
     name : str, optional
         Of the recording: that of the file unless given.
     **reconstruction
@@ -367,30 +368,30 @@ def _optimum(
     flight: ReconstructedFlight, report: FlightReport, half_somersaults: int
 ) -> tuple[ocp.DiveSolution | None, str]:
     """The optimal dive of the same kind and what it is; or None and the reason."""
-    if report.group != "somersaults":
-        return (
-            None,
-            f"there is no optimum to compare with: templates have no {report.group} dive of free times.",
-        )
-    position = max(report.positions, key=lambda name: report.positions[name])
-    posture = _POSTURES.get(position)
-    if posture is None:
-        return None, f"there is no optimum to compare with: templates are folded, and the dive is {position}."
+    if report.group == "armstand":
+        return None, "there is no optimum to compare with: templates have no armstand dive."
     if half_somersaults == 0:
         return None, "there is no optimum to compare with: the flight has no somersault."
     sense = float(np.sign(half_somersaults))
     flown = float(np.linalg.norm(flight.angular_momentum))
-    diver = _planar(flight)
     least, most = sorted((0.0, sense * _MOST))
-    posed = ocp.dive_107b(
-        diver=diver,
-        postures=("A", posture),
-        somersaults=half_somersaults / 2,
-        duration=float(flight.times[-1] - flight.times[0]),
-        lean=float(flight.inclination[0]),
-        momentum=(least, most),
-    )
+    options: dict[str, Any] = {
+        "somersaults": half_somersaults / 2,
+        "duration": float(flight.times[-1] - flight.times[0]),
+        "lean": float(flight.inclination[0]),
+        "momentum": (least, most),
+    }
+    position = max(report.positions, key=lambda name: report.positions[name])
+    posture = _POSTURES.get(position, "")
+    if report.group != "twisting" and not posture:
+        return None, f"there is no optimum to compare with: templates are folded, and the dive is {position}."
     try:
+        if report.group == "twisting":
+            diver = _of_same_size(flight, multibody.diver_spatial)
+            posed = ocp.dive_5174d(diver=diver, twists=report.half_twists / 2, **options)
+        else:
+            diver = _of_same_size(flight, multibody.diver_planar)
+            posed = ocp.dive_107b(diver=diver, postures=("A", posture), **options)
         lean = posed.solve(max_iterations=_ITERATIONS)
         if not lean.success:
             return None, f"there is no optimum to compare with: {lean.message}."
@@ -412,22 +413,22 @@ def _optimum(
     )
 
 
-#: Segments whose lengths the planar diver takes over, with the bodies at whose joints they end.
+#: Segments whose lengths the diver of an optimum takes over, with the bodies at whose joints they end.
 _ENDS = {"thigh": "shank", "shank": "foot", "upper_arm": "forearm", "forearm": "hand", "torso": "head"}
 
 
-def _planar(flight: ReconstructedFlight) -> multibody.Diver:
-    """The planar diver of the same mass and lengths of segments."""
+def _of_same_size(flight: ReconstructedFlight, make: Callable[..., multibody.Diver]) -> multibody.Diver:
+    """A diver of the same mass and lengths of segments."""
 
     def lengths(of: multibody.Model) -> dict[str, float]:
         ends = {link.name.removeprefix("right_"): float(np.linalg.norm(link.origin)) for link in of.links}
         return {segment: ends[end] for segment, end in _ENDS.items()}
 
-    model, reference = flight.model, multibody.diver_planar()
+    model, reference = flight.model, make()
     usual = lengths(reference.model)
     sizes = {segment: length / usual[segment] for segment, length in lengths(model).items()}
     thigh = sizes["thigh"]
-    diver = multibody.diver_planar(mass=model.mass, height=reference.height * flight.scale * thigh)
+    diver = make(mass=model.mass, height=reference.height * flight.scale * thigh)
     other = {segment: size / thigh for segment, size in sizes.items() if abs(size / thigh - 1.0) > 1e-9}
     return diver.scaled(other) if other else diver
 

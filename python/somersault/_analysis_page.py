@@ -129,13 +129,11 @@ def _scene(found: FlightAnalysis) -> str:
         model = best.dive.diver.model
         q = np.array(best.q)
         # where the reconstruction begins
-        q[:, :2] += _place(found) - np.asarray(model.center_of_mass(q[0]))[[0, 2]]
+        moved = np.asarray(found.flight.center_of_mass)[0] - np.asarray(model.center_of_mass(q[0]))
+        along = [0, 1, 2] if model.links[0].joint == "free" else [0, 2]
+        q[:, : len(along)] += moved[along]
         scene.add(model, np.asarray(best.t) + start, q, label="optimum", color=_COLOURS[2], panel=1)
     return str(scene.camera("side").play(0.25)._repr_html_())
-
-
-def _place(found: FlightAnalysis) -> Array:
-    return np.asarray(found.flight.center_of_mass)[0, [0, 2]]
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from somersault import motion, multibody
+from somersault import motion, multibody, ocp
 from somersault.cli import main
 from somersault.cli.documents import read
 from somersault.errors import InputError
@@ -332,6 +332,27 @@ def test_an_optimum_of_the_same_kind_is_compared() -> None:
     assert "Against the optimum" in page and page.count("<svg") >= 5
     # nothing is loaded
     assert not re.search(r'(src|href)="(?!data:)', page.replace("srcdoc", "")) and "http" not in page
+
+
+def test_a_twisting_dive_is_compared_with_a_free_one() -> None:
+    """The recording is the optimum for half a twist, which is found again."""
+    diver = multibody.diver_spatial(mass=62.0, height=1.66)
+    posed = ocp.dive_5174d(diver=diver, somersaults=1.5, twists=0.5, duration=1.4)
+    true = posed.solve(max_iterations=60)
+    assert true.success, true.message
+    frames = np.searchsorted(true.t, np.linspace(0.0, 1.4, 71)).clip(0, len(true.t) - 1)
+    t, q = np.asarray(true.t)[frames], np.asarray(true.q)[frames]
+    markers = motion.MarkerSet.on_diver(diver, "plug_in_gait")
+    seen = motion.place_markers(markers, t, q)
+    points = seen.points + np.random.default_rng(1).normal(0.0, 0.01, seen.points.shape)
+    found = motion.analyse(motion.MarkerRecording(seen.names, t, points), markers, interval=(0.0, 1.4))
+    assert found.success and found.report.half_twists == 1, found.message
+    best = found.optimum
+    assert best is not None and best.success and best.dive.options["twists"] == 0.5, found.optimum_message
+    assert abs(best.momentum / true.momentum - 1.0) < 0.01
+    assert set(found.differences) == {"trunk", "hip", "knee", "elbow"}
+    assert all(np.abs(curve).max() < 0.3 for curve in found.differences.values())
+    assert "optimum" in found.html()
 
 
 def test_what_is_not_reconstructed_has_no_advice(tmp_path: Path) -> None:
