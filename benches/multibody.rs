@@ -4,17 +4,23 @@
 //! `cargo bench --bench multibody`; `benches/peers/multibody.py` times Pinocchio on the same tree and state.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use nalgebra::Vector3;
 use num_dual::Dual64;
 use somersault::core::cancel::CancellationToken;
 use somersault::core::lanes::InstructionSet;
 use somersault::integrators::methods::RungeKuttaMuntheKaas4;
-use somersault::multibody::flight::{Flight, FlightData, FlightShapes, FlightSystem};
+use somersault::multibody::flight::{
+    Flight, FlightChange, FlightData, FlightShapes, FlightSystem, HeldPosture, JointCurves, KnownFlight,
+    TakeOff,
+};
+use somersault::multibody::models::{BallJointedDiver, Diver, Posture};
 use somersault::multibody::motion::{HeldTorques, TreeSystem, rollout};
 use somersault::multibody::{
     Data, DerivativeData, LaneData, LaneDerivativeData, SecondDerivativeData, Split,
 };
 use somersault::prelude::{Method, Run, TimeGrid};
 use somersault_testkit::trees::{Random, State, diver, geared_diver, humanoid, random_configuration};
+use std::f64::consts::PI;
 use std::hint::black_box;
 use std::time::Duration;
 
@@ -239,12 +245,59 @@ fn reduced_flight(c: &mut Criterion) {
     group.finish();
 }
 
+/// A somersault of 1.2 s with joints at 61 times, flown again with derivatives: of a pike that is opened later.
+fn flown_again(c: &mut Criterion) {
+    let mut group = c.benchmark_group("flight flown again");
+    let balls = BallJointedDiver(Diver::spatial());
+    let hinged = |diver: Diver| {
+        let postures = [Posture::A, Posture::H].map(|p| diver.configuration(p).expect("a posture"));
+        (diver.model().expect("valid"), postures)
+    };
+    let with_balls = [Posture::A, Posture::H].map(|p| balls.configuration(p).expect("a posture"));
+    for (name, (model, [open, closed])) in [
+        ("planar", hinged(Diver::planar())),
+        ("spatial", hinged(Diver::spatial())),
+        ("ball-jointed", (balls.model().expect("valid"), with_balls)),
+    ] {
+        let (root_q, root_v) = (model.positions_of(0).len(), model.velocities_of(0).len());
+        let mut apart = vec![0.0; model.n_velocities()];
+        model.difference(&open, &closed, &mut apart).expect("of the model");
+        apart[..root_v].fill(0.0);
+        let times: Vec<f64> = (0..=60).map(|i| 0.02 * f64::from(i)).collect();
+        let (mut positions, mut velocities, mut q) = (Vec::new(), Vec::new(), open.clone());
+        for t in &times {
+            let w = PI / 1.2;
+            let (folded, folding) = ((w * t).sin().powi(2), w * (2.0 * w * t).sin());
+            let along: Vec<f64> = apart.iter().map(|x| x * folded).collect();
+            model.displace(&open, &along, &mut q).expect("of the model");
+            positions.extend_from_slice(&q[root_q..]);
+            velocities.extend(apart[root_v..].iter().map(|x| x * folding));
+        }
+        let direction = apart[root_v..].iter().map(|x| 0.1 * x).collect();
+        let curves = JointCurves::try_new(&model, times, positions, velocities).expect("rising times");
+        let take_off = TakeOff {
+            time: 0.0,
+            center_of_mass: Vector3::zeros(),
+            velocity: Vector3::new(1.0, 0.0, 4.0),
+            angular_momentum: Vector3::y() * 45.0,
+        };
+        let at = model.joint(0).expect("a root").kind().orientation();
+        let held = HeldPosture { times: [0.2, 0.5, 0.7, 1.0], direction };
+        let known = KnownFlight::try_new(&model, take_off, &open[at], curves, held).expect("a free root");
+        let change = FlightChange { opening: 0.05, ..FlightChange::default() };
+        group.bench_function(name, |b| {
+            b.iter(|| known.fly(black_box(&change)).map(|flown| flown.by_change[0]))
+        });
+    }
+    group.finish();
+}
+
 criterion_group! {
     name = multibody;
     config = Criterion::default()
         .sample_size(30)
         .warm_up_time(Duration::from_millis(300))
         .measurement_time(Duration::from_millis(1000));
-    targets = diver_dynamics, geared_dynamics, many_states, reduced_flight
+    targets = diver_dynamics, geared_dynamics, many_states, reduced_flight, flown_again
 }
 criterion_main!(multibody);

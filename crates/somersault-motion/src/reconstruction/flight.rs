@@ -236,6 +236,12 @@ impl BeyondLimit {
         format!("; the joint of `{body}` is {by:.2} ± {deviation:.2} beyond its limit at {time:.2} s")
     }
 
+    /// What follows a message: how many points count less, and the joints that are beyond their limits.
+    pub(crate) fn notes(n_outliers: usize, limits: &[Self]) -> String {
+        let outliers = (n_outliers > 0).then(|| format!("; {n_outliers} points count less as outliers"));
+        outliers.into_iter().chain(limits.iter().map(Self::note)).collect()
+    }
+
     /// Whether no limit of a living joint, nor the noise, is so vague.
     pub(crate) fn is_far(&self) -> bool {
         self.by > FAR && self.by > FAR_DEVIATIONS * self.deviation

@@ -121,9 +121,6 @@ impl ScaledModel {
         } else {
             format!("; markers say next to nothing of the proportions of {}", unseen.join(", "))
         };
-        let outliers =
-            (self.n_outliers > 0).then(|| format!("; {} points count less as outliers", self.n_outliers));
-        let limits = self.beyond_limits.iter().map(BeyondLimit::note);
-        outcome + &unseen + &outliers.into_iter().chain(limits).collect::<String>()
+        outcome + &unseen + &BeyondLimit::notes(self.n_outliers, &self.beyond_limits)
     }
 }

@@ -108,10 +108,7 @@ impl SmoothedMotion {
 
     /// How it ended and what the checks found, with what may be done.
     pub fn message(&self) -> String {
-        let limits = self.beyond_limits.iter().map(BeyondLimit::note);
-        let outliers =
-            (self.n_outliers > 0).then(|| format!("; {} points count less as outliers", self.n_outliers));
-        self.outcome() + &outliers.into_iter().chain(limits).collect::<String>()
+        self.outcome() + &BeyondLimit::notes(self.n_outliers, &self.beyond_limits)
     }
 
     fn outcome(&self) -> String {
