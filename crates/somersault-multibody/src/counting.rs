@@ -28,6 +28,17 @@ pub struct BodyAngles {
     pub twist: f64,
 }
 
+/// The angles about z of rotations about it, the first between −π and π, whole turns counted: less than half a turn from one to the next.
+pub fn turns_about_z(orientations: impl IntoIterator<Item = UnitQuaternion<f64>>) -> Vec<f64> {
+    let mut last = 0.0;
+    let count = |orientation: UnitQuaternion<f64>| {
+        let angle = 2.0 * orientation.k.atan2(orientation.w);
+        last = angle + TAU * ((last - angle) / TAU).round();
+        last
+    };
+    orientations.into_iter().map(count).collect()
+}
+
 /// How angles are read from the orientation of a root.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Counting {

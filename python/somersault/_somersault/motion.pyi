@@ -925,6 +925,7 @@ class FlightAdvice:
         "far_from_target",
         "other_gravity",
         "not_reconstructed",
+        "frames_apart",
     ]: ...
     @property
     def half_somersaults(self) -> int: ...

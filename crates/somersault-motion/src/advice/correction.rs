@@ -122,11 +122,13 @@ pub enum AdviceStatus {
     OtherGravity,
     /// The reconstruction is no success.
     NotReconstructed,
+    /// Frames are so far apart that the flight cannot be flown again.
+    FramesApart,
 }
 
 impl AdviceStatus {
     /// All there are, and their names.
-    pub const ALL: [(Self, &'static str); 7] = [
+    pub const ALL: [(Self, &'static str); 8] = [
         (Self::Given, "given"),
         (Self::Vertical, "vertical"),
         (Self::NothingSure, "nothing_sure"),
@@ -134,6 +136,7 @@ impl AdviceStatus {
         (Self::FarFromTarget, "far_from_target"),
         (Self::OtherGravity, "other_gravity"),
         (Self::NotReconstructed, "not_reconstructed"),
+        (Self::FramesApart, "frames_apart"),
     ];
 }
 
@@ -212,7 +215,13 @@ pub fn advise_flight(
         found.status = status;
         return Ok(found);
     }
-    let again = WhatIfFlight::try_new(model, flight, report, None)?;
+    let again = match WhatIfFlight::try_new(model, flight, report, None) {
+        Err(AdviceError::FramesApart { .. }) => {
+            found.status = AdviceStatus::FramesApart;
+            return Ok(found);
+        }
+        again => again?,
+    };
     let deviations = again.slope_deviations(model, flight, token)?;
     let of_entry = (entry_angle.upper - entry_angle.lower) / (2.0 * SIDE);
     for (correction, allowed) in again.possible(flight, entry_angle.value, reach) {
@@ -445,6 +454,9 @@ impl FlightAdvice {
                 "no advice: gravity in the recording is not that of the model, so the rate or the unit is wrong".to_owned()
             }
             AdviceStatus::NotReconstructed => "no advice: the flight was not reconstructed".to_owned(),
+            AdviceStatus::FramesApart => {
+                format!("{entry}, but frames are too far apart to fly the flight again: no advice")
+            }
         }
     }
 }

@@ -28,7 +28,7 @@
 //! closed pike or the tuck of [`Posture`](somersault_multibody::models::Posture), nor than joints allow. Advice is ranked by the fraction of the error that is
 //! within reach; what must be brought from the board comes before what covers less than half.
 //!
-//! Cost: some 20 flights, and two for each joint.
+//! Cost: some 20 flights, and two for each degree of freedom of the joints.
 
 mod correction;
 mod held;
@@ -59,6 +59,18 @@ pub enum AdviceError {
     /// The flight cannot be identified.
     #[error(transparent)]
     Identification(#[from] IdentificationError),
+    /// Frames between which joints move otherwise than their interpolants.
+    #[error(
+        "`flight` must have frames that are nearer than {apart:.2} s: the joints between them are not those of the reconstruction, and lead to an \
+         entry that is {:.1}° off",
+        off.to_degrees()
+    )]
+    FramesApart {
+        /// The longest time between two frames, s.
+        apart: f64,
+        /// By how much the angle at the entry is off, rad.
+        off: f64,
+    },
     /// The token was cancelled.
     #[error("the flights were interrupted")]
     Interrupted,

@@ -80,8 +80,11 @@ pub struct WhatIf {
 
 /// Part of the flown difference by which the linear one may be off where it is used in words.
 pub(super) const AGREEMENT: f64 = 0.1;
-/// Twists that count as none, and angles, rad, for that comparison.
-const NOTHING: f64 = 1e-3;
+/// Angles, rad, and twists that count as none for that comparison: noise lets a body twist that does not.
+const NOTHING_TURNED: f64 = 1e-3;
+const NOTHING_TWISTED: f64 = 0.01;
+/// Angle at the entry, rad, by which the flight flown again may be off where its interval is shorter.
+const ALLOWED: f64 = 0.01;
 /// Displacements for derivatives by the height, m, and of the line from feet to hands, rad.
 const HIGHER: f64 = 5e-3;
 const DISPLACEMENT: f64 = 1e-5;
@@ -163,9 +166,16 @@ impl<'m> WhatIfFlight<'m> {
         found.sense = if unchanged.somersaults < 0.0 { -1.0 } else { 1.0 };
         found.unchanged = found.outcome_of(&found.base)?;
         let offset = report.entry_angle.value - found.unchanged.entry_angle;
-        // whole turns and the upright are not in what is flown, a rounding of the joints' curves is
+        // the upright is not in what is flown, nor are the halves of turns that the report takes off
         let turns = (offset / PI).round() * PI;
         found.unchanged.entry_angle += turns;
+        // what joints do between frames that are far apart is not in the frames
+        let half = 0.5 * (report.entry_angle.upper - report.entry_angle.lower);
+        let off = (offset - turns).abs();
+        if off > half.max(ALLOWED) {
+            let apart = frames.windows(2).map(|pair| pair[1].time - pair[0].time).fold(0.0, f64::max);
+            return Err(AdviceError::FramesApart { apart, off });
+        }
         Ok(found)
     }
 
@@ -187,7 +197,7 @@ impl<'m> WhatIfFlight<'m> {
     /// Angle of the line at the end without the upright of its take-off, rad.
     fn outcome_of(&self, flown: &ChangedFlight) -> Result<Outcome, AdviceError> {
         let momentum = self.known.take_off().angular_momentum;
-        let travelling = travelling(self.model, &momentum, flown.orientations.iter().copied());
+        let travelling = travelling(self.model, &momentum, flown.path.iter().copied());
         let angles = counting_of(self.model).along(&travelling);
         let (first, last) = (&angles[0], &angles[angles.len() - 1]);
         let twist = last.twist - first.twist;
@@ -204,7 +214,7 @@ impl<'m> WhatIfFlight<'m> {
     pub(super) fn slopes(&self, flown: &ChangedFlight) -> Result<[Outcome; N_CHANGES], AdviceError> {
         let model = self.model;
         let momentum = self.known.take_off().angular_momentum;
-        let travelling = travelling(model, &momentum, flown.orientations.iter().copied());
+        let travelling = travelling(model, &momentum, flown.path.iter().copied());
         let counting = counting_of(model);
         let angles = counting.along(&travelling);
         let last = travelling.len() - 1;
@@ -256,8 +266,8 @@ impl<'m> WhatIfFlight<'m> {
         let is_near = |flown: f64, linear: f64, nothing: f64| {
             (flown - linear).abs() <= (AGREEMENT * flown.abs()).max(nothing)
         };
-        let agrees = is_near(difference.entry_angle, linear.entry_angle, NOTHING)
-            && is_near(difference.twists, linear.twists, NOTHING);
+        let agrees = is_near(difference.entry_angle, linear.entry_angle, NOTHING_TURNED)
+            && is_near(difference.twists, linear.twists, NOTHING_TWISTED);
         Ok(WhatIf {
             change: *change,
             positions: self.placed(&flown)?,
@@ -294,25 +304,19 @@ impl<'m> WhatIfFlight<'m> {
         }
     }
 
-    /// Configurations of the body in its size, whole turns of a planar one counted.
+    /// Configurations of the body in its size.
     fn placed(&self, flown: &ChangedFlight) -> Result<Vec<f64>, AdviceError> {
         let (model, n_q) = (self.model, self.model.n_positions());
         let mut data = Data::new(model);
         let axes = model.placement(0).map_or(Matrix3::identity(), |placement| placement.rotation);
         let n_linear = model.joint(0).map_or(0, |joint| joint.kind().n_linear);
-        let is_planar = model.positions_of(0).len() == 3;
         let mut positions = flown.positions.clone();
-        let mut before: Option<f64> = None;
         for q in positions.chunks_exact_mut(n_q) {
             let placed = model.positions(&mut data, q)?;
             let arm: Vector3<f64> = placed.pose(0)?.translation - placed.center_of_mass();
             let moved = axes.tr_mul(&(arm * (self.scale - 1.0)));
             for k in 0..n_linear {
                 q[k] += moved[k];
-            }
-            if is_planar {
-                q[2] += before.map_or(0.0, |angle| TAU * ((angle - q[2]) / TAU).round());
-                before = Some(q[2]);
             }
         }
         Ok(positions)

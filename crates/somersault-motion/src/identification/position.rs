@@ -42,6 +42,8 @@ const KNEE: f64 = 2.18;
 const SHARP: f64 = 0.15;
 /// How far the hip may be open beyond its least angle where the knee is looked at, rad.
 const CLOSED: f64 = 0.35;
+/// Standard deviations beyond the least angle of the hip within which it is closed as much.
+const NEAR: f64 = 3.0;
 /// Somersaults that are turned both straight and folded in a free position, and how sharp that is; those at either end, where every
 /// dive is straight, do not count.
 const TURNED: (f64, f64) = (0.4, 0.1);
@@ -86,12 +88,18 @@ impl Angles {
         (0..self.hip.len()).min_by(|i, j| self.hip[*i].total_cmp(&self.hip[*j])).unwrap_or(0)
     }
 
-    /// Least angle of the hip, and the mean of the knee's where the hip is nearly as closed, rad.
+    /// The angle of the hip where it is closed most, and the mean of the knee's where the hip is nearly as closed, rad. The hip's is the mean over frames
+    /// that are as closed within three standard deviations: the least of many angles with errors is too small.
     pub(crate) fn least(&self) -> [f64; 2] {
         let least = self.hip[self.closest()];
-        let near = self.hip.iter().zip(&self.knee).filter(|(hip, _)| **hip < least + CLOSED);
-        let (sum, n) = near.fold((0.0, 0.0), |(sum, n), (_, knee)| (sum + knee, n + 1.0));
-        [least, sum / n]
+        let mean = |angles: &[f64], beyond: f64| {
+            let near = self.hip.iter().zip(angles).filter(|(hip, _)| **hip <= least + beyond);
+            let (sum, n) = near.fold((0.0, 0.0), |(sum, n), (_, angle)| (sum + angle, n + 1.0));
+            sum / n
+        };
+        let [of_hip, _] = self.deviations;
+        let hip = if of_hip.is_finite() { mean(&self.hip, NEAR * of_hip) } else { least };
+        [hip, mean(&self.knee, CLOSED)]
     }
 
     fn is_folded(&self, i: usize) -> bool {

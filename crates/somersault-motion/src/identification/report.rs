@@ -78,7 +78,7 @@ pub struct FlightReport {
     pub least_inertia: WithInterval,
     /// Greatest.
     pub greatest_inertia: WithInterval,
-    /// Least angle of the hip: π where it is straight.
+    /// Angle of the hip where it is closed most, in the mean over frames in which it is as closed within three standard deviations: π where it is straight.
     pub hip: WithInterval,
     /// Angle of the knee there.
     pub knee: WithInterval,

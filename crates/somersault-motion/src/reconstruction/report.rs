@@ -10,13 +10,15 @@ use super::unknowns::Estimate;
 use crate::noise::deviation_of;
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, RowDVector, UnitQuaternion, Vector3};
 use somersault_core::lie::so3::hat;
-use somersault_multibody::counting::Counting;
+use somersault_multibody::counting::{BodyAngles, Counting, turns_about_z};
 use somersault_multibody::flight::{Flight, FlightData, TakeOff};
 use somersault_multibody::{Data, Model};
 use std::f64::consts::TAU;
 
 /// Displacement for the derivative of the moment of inertia, rad or m.
 const DISPLACEMENT: f64 = 1e-5;
+/// Between orientations from which turns are counted, at most, s: 0.3 rad at 15 rad/s.
+const BETWEEN: f64 = 0.02;
 /// Part of the momentum that must be horizontal for its direction to be that of the somersault.
 const HORIZONTAL: f64 = 0.3;
 
@@ -41,7 +43,7 @@ impl Report<'_> {
         let reference = search.observed.times[search.observed.reference];
         let flight = flight_of(model, reference, estimate)?;
         let travelling = self.travelling(estimate, at);
-        let angles = self.counting().along(&travelling);
+        let turned = self.turned(search, estimate)?;
         let (mut data, mut flight_data) = (Data::new(model), FlightData::new(model));
         let n_linear = model.joint(0).map_or(0, |joint| joint.kind().n_linear);
         let mut found = Vec::with_capacity(all.len());
@@ -107,18 +109,42 @@ impl Report<'_> {
                 moment_of_inertia: moment,
                 moment_of_inertia_deviation,
                 inertia,
-                inclination: angles[i].somersault,
+                inclination: turned[i].0.somersault,
                 inclination_deviation,
-                somersaults: (angles[i].somersault - angles[0].somersault) / TAU,
-                twists: (angles[i].twist - angles[0].twist) / TAU,
-                tilt: angles[i].tilt,
+                somersaults: (turned[i].0.somersault - turned[0].0.somersault) / TAU,
+                twists: (turned[i].0.twist - turned[0].0.twist) / TAU,
+                tilt: turned[i].0.tilt,
                 residuals: residuals[i].iter().map(|r| r.map(|r| r.norm())).collect(),
             });
         }
         if search.flown.layout.is_planar {
-            count_turns(&mut found);
+            found.iter_mut().zip(&turned).for_each(|(frame, (_, angle))| frame.q[2] = *angle);
         }
         Ok(found)
+    }
+
+    /// The body's angles in each frame, and the angle of a planar root. Whole turns are counted from orientations at most `BETWEEN` apart, which the
+    /// flight has between frames that are further.
+    fn turned(
+        &self,
+        search: &mut Search<'_>,
+        estimate: &Estimate,
+    ) -> Result<Vec<(BodyAngles, f64)>, ReconstructionError> {
+        let frames = &search.observed.times;
+        let (mut times, mut places) = (vec![frames[0]], vec![0]);
+        for pair in frames.windows(2) {
+            let apart = pair[1] - pair[0];
+            let n = (apart / BETWEEN).ceil().max(1.0) as usize;
+            times.extend((1..n).map(|k| pair[0] + apart * k as f64 / n as f64).chain([pair[1]]));
+            places.push(times.len() - 1);
+        }
+        let reference = places[search.observed.reference];
+        let Search { flown, room, .. } = search;
+        let path = flown.attitudes(estimate, &times, reference, None, room)?;
+        let orientations = || path.iter().map(|attitude| attitude.orientation);
+        let angles = self.counting().along(&travelling(self.model, &estimate.momentum, orientations()));
+        let about_normal = turns_about_z(orientations());
+        Ok(places.into_iter().map(|i| (angles[i], about_normal[i])).collect())
     }
 
     fn velocity_at(&self, estimate: &Estimate, t: f64) -> Vector3<f64> {
@@ -363,13 +389,4 @@ fn inertia_of(
         }
     }
     Ok(inertia)
-}
-
-/// The angle of a planar root counts whole turns: less than half of one from frame to frame.
-fn count_turns(frames: &mut [FlightFrame]) {
-    for i in 1..frames.len() {
-        let before = frames[i - 1].q[2];
-        let angle = &mut frames[i].q[2];
-        *angle += TAU * ((before - *angle) / TAU).round();
-    }
 }

@@ -28,12 +28,14 @@
 
 use super::step::{NODES, StageRate, StepDerivative, turn};
 use super::{Flight, FlightData, FlightError, TakeOff};
+use crate::counting::turns_about_z;
 use crate::error::DynamicsError;
 use crate::joint::Group;
 use crate::model::Model;
 use nalgebra::{UnitQuaternion, Vector3};
 use somersault_core::argument::{ArgumentError, expect_finite, expect_least, expect_length, expect_range};
 use somersault_core::lie::so3::{self, normalized_xyzw};
+use std::f64::consts::TAU;
 
 /// Joints of a flight at times, and between them: hinges, slides and balls.
 #[derive(Debug, Clone, PartialEq)]
@@ -83,12 +85,14 @@ pub struct FlightChange {
 pub struct ChangedFlight {
     /// As many as the samples of the joints, s.
     pub times: Vec<f64>,
-    /// Configurations, one after the other.
+    /// Configurations, one after the other; the angle of a planar root counts whole turns.
     pub positions: Vec<f64>,
     /// Velocities.
     pub velocities: Vec<f64>,
     /// Orientations of the root in its joint frame.
     pub orientations: Vec<UnitQuaternion<f64>>,
+    /// Those after each step, the first at the start: some 5 ms apart, so that turns can be counted between times that are further.
+    pub path: Vec<UnitQuaternion<f64>>,
     /// Displacement of the last orientation in axes of the root by δ, α and ε.
     pub by_change: [Vector3<f64>; N_CHANGES],
     /// Derivatives of the joints in the last configuration by δ and α; ε does not move them.
@@ -102,6 +106,8 @@ pub const N_CHANGES: usize = 3;
 const LONGEST_STEP: f64 = 0.0051;
 /// The longest flight, s: some hundred thousand steps.
 const LONGEST: f64 = 500.0;
+/// Between the times of a posture that is taken and left, at least, s.
+const SHORTEST: f64 = 1e-3;
 /// In which time joints come to rest after the last sample, s.
 const REST: f64 = 0.05;
 /// By which fraction of the time a posture is held this may become longer or shorter: τ rises as long as δ σ̇ < 1, σ̇ ≤ 3/2.
@@ -304,12 +310,12 @@ impl HeldPosture {
     fn check(&self, curves: &JointCurves) -> Result<(), DynamicsError> {
         expect_length("direction", self.direction.len(), curves.n_velocities)?;
         expect_finite("direction", &self.direction)?;
-        expect_finite("times of the held posture", &self.times)?;
+        expect_finite("phase", &self.times)?;
         let [start, end] = curves.interval();
         let mut before = start;
         for (k, t) in self.times.iter().enumerate() {
-            let is_allowed = |t: f64| t <= end && if k == 0 { t >= before } else { t > before };
-            expect_range("times of the held posture", *t, "rising, within the flight", is_allowed)?;
+            let is_allowed = |t: f64| t <= end && if k == 0 { t >= before } else { t >= before + SHORTEST };
+            expect_range("phase", *t, "rising by at least 1 ms, within the flight", is_allowed)?;
             before = *t;
         }
         Ok(())
@@ -471,7 +477,16 @@ impl<'m> KnownFlight<'m> {
         let longest = self.longest_delay();
         let checked = || -> Result<(TakeOff, f64), DynamicsError> {
             let FlightChange { opening, posture, momentum, height } = change;
-            expect_finite("change", [opening, posture, momentum, height])?;
+            for (argument, number) in
+                [("opening", opening), ("posture", posture), ("momentum", momentum), ("height", height)]
+            {
+                expect_finite(argument, [number])?;
+            }
+            let allowed = "at most 1 to either side: twice as much, or none";
+            expect_range("momentum", *momentum, allowed, |x| x.abs() <= 1.0)?;
+            let largest = self.held.direction.iter().fold(1.0_f64, |largest, x| largest.max(x.abs()));
+            let allowed = "so small that no joint turns by more than 2π";
+            expect_range("posture", *posture, allowed, |x| x.abs() * largest <= TAU)?;
             let allowed = "at most 0.6 of the time that the posture is held, to either side";
             expect_range("opening", *opening, allowed, |x| x.abs() <= longest)?;
             let (take_off, duration) = self.take_off_with(change)?;
@@ -497,9 +512,11 @@ impl<'m> KnownFlight<'m> {
             positions: Vec::new(),
             velocities: Vec::new(),
             orientations: Vec::new(),
+            path: vec![self.orientation],
             by_change,
             joints_by_change: none(),
         };
+        let mut ends = Vec::with_capacity(found.times.len());
         for i in 0..found.times.len() {
             let to = found.times[i];
             let from = found.times[i.saturating_sub(1)];
@@ -525,6 +542,7 @@ impl<'m> KnownFlight<'m> {
                     })
                 };
                 current = turn(&current, h, stage, Some(&mut derivative))?;
+                found.path.push(current);
                 for (k, column) in by_change.iter_mut().enumerate() {
                     *column = derivative.by_start * *column;
                     for (matrix, by) in derivative.by_stage.iter().zip(&by_stage) {
@@ -535,9 +553,16 @@ impl<'m> KnownFlight<'m> {
             changed.evaluate(to, &mut q[root_q..], &mut v[root_v..], &mut by);
             flight.write_orientation(&current, &mut q[at.clone()]);
             flight.complete(&mut data, to, &mut q, &mut v)?;
+            ends.push(found.path.len() - 1);
             found.positions.extend_from_slice(&q);
             found.velocities.extend_from_slice(&v);
             found.orientations.push(current);
+        }
+        if flight.is_planar {
+            let turns = turns_about_z(found.path.iter().copied());
+            for (row, end) in found.positions.chunks_exact_mut(model.n_positions()).zip(ends) {
+                row[at.start] = turns[end];
+            }
         }
         let [[opening, _], [posture, _]] = by;
         found.by_change = by_change;
@@ -792,7 +817,13 @@ mod tests {
         assert!(
             message(FlightChange { opening: 0.25, ..CHANGES[0] }).contains("`opening` must be at most 0.6")
         );
-        assert!(message(FlightChange { opening: f64::NAN, ..CHANGES[0] }).contains("`change`"));
+        assert!(
+            message(FlightChange { opening: f64::NAN, ..CHANGES[0] }).contains("`opening` must be finite")
+        );
+        assert!(
+            message(FlightChange { momentum: 1.5, ..CHANGES[0] }).contains("`momentum` must be at most 1")
+        );
+        assert!(message(FlightChange { posture: -7.0, ..CHANGES[0] }).contains("`posture` must be so small"));
         for height in [-5.0, -f64::MAX, 1e300] {
             assert!(message(FlightChange { height, ..CHANGES[0] }).contains("`height`"), "{height}");
         }
@@ -814,7 +845,7 @@ mod tests {
         for times in [[0.1, 0.1, 0.8, 1.1], [-0.1, 0.4, 0.8, 1.1], [0.1, 0.4, 0.8, 1.3]] {
             let held = HeldPosture { times, ..known.held().clone() };
             let again = KnownFlight::try_new(&model, *known.take_off(), &[0.0], known.curves.clone(), held);
-            assert!(again.unwrap_err().to_string().contains("times of the held posture"));
+            assert!(again.unwrap_err().to_string().contains("`phase` must be rising"));
         }
         let other = KnownFlight::try_new(
             &model,

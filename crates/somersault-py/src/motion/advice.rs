@@ -32,8 +32,11 @@ use somersault::multibody::flight::{FlightChange, HeldPosture};
 /// lasts until the centre of mass is where it was at the end, and all joints take their time in proportion. The orientation is integrated in
 /// steps of 5 ms, of order 4.
 ///
+/// A flight that is no success is flown again as it was found: ask `flight.success` before. Frames that are so far apart that the joints between them lead to another entry are
+/// refused.
+///
 /// Beside what is flown stands the linear change: by exact derivatives of the orientation by opening, posture and momentum, and by central
-/// differences by the height and of the line from feet to hands. `agrees` says whether both differ by at most a tenth; they do not for
+/// differences by the height and of the line from feet to hands. `agrees` says whether both differ by at most a tenth, in the entry and, beyond 0.01, in the twists; they do not for
 /// large changes, nor for throws and square-outs of twisting dives.
 ///
 /// Parameters
@@ -41,12 +44,12 @@ use somersault::multibody::flight::{FlightChange, HeldPosture};
 /// flight : ReconstructedFlight
 ///     Of a diver: `diver_planar`, `diver_spatial`, `diver_ball_jointed`, or a model with hinges, slides and balls whose bodies have their names.
 /// opening : float
-///     By how much later the posture is left, s; earlier where it is negative. At most 0.6 of the time it is held.
+///     By how much later the posture is left, s; earlier where it is negative. At most 0.6 of the time it is held, to either side.
 /// posture : float
 ///     By how much tighter the posture is, rad of the joint that moves most; looser where it is negative. A ball turns about the axis that
 ///     closes its angle most.
 /// momentum : float
-///     By which fraction of it the angular momentum is larger.
+///     By which fraction of it the angular momentum is larger, from −1 to 1.
 /// height : float
 ///     By how much higher the centre of mass rises, m.
 /// phase : tuple of float, optional
@@ -334,7 +337,7 @@ impl WhatIf {
 /// folding as tight as postures H (pike) and F (tuck) of the diver and the limits of the joints, and an angular momentum that differs by `momentum_reach`.
 /// What covers at least half of the error in flight comes first, then the momentum, then the rest.
 ///
-/// Other Python threads run meanwhile. Ctrl-C raises at once. Cost: some 20 flights, and two for each joint.
+/// Other Python threads run meanwhile. Ctrl-C raises at once. Cost: some 20 flights, and two for each degree of freedom of the joints.
 ///
 /// Parameters
 /// ----------
@@ -357,7 +360,7 @@ impl WhatIf {
 /// Raises
 /// ------
 /// InputError
-///     If an argument is not allowed, or the model has not the bodies of a diver or has ball joints.
+///     If an argument is not allowed, or the model has not the bodies of a diver, or has free or planar joints beside the root's.
 ///
 /// Examples
 /// --------
@@ -519,7 +522,7 @@ value! {
         flight: Py<ReconstructedFlight> = |own, py| own.flight.clone_ref(py);
         /// str: ``'given'``; ``'vertical'`` where the entry is within its interval; ``'nothing_sure'`` where no change has an effect whose sign is
         /// sure; ``'no_target'`` where the number of somersaults is not sure; ``'far_from_target'`` where the flight is more than 270° from the number given;
-        /// ``'other_gravity'``; ``'not_reconstructed'``.
+        /// ``'other_gravity'``; ``'not_reconstructed'``; ``'frames_apart'`` where frames are so far apart that the joints between them lead to another entry.
         status: &'static str = |own| name_of(&AdviceStatus::ALL, &own.found.status);
         /// int: The number of half somersaults that the advice is for, forwards positive.
         half_somersaults: i32 = |own| own.found.half_somersaults;
