@@ -85,6 +85,8 @@ const NOTHING_TURNED: f64 = 1e-3;
 const NOTHING_TWISTED: f64 = 0.01;
 /// Angle at the entry, rad, by which the flight flown again may be off where its interval is shorter.
 const ALLOWED: f64 = 0.01;
+/// Somersaults from which on their sense is that of the flight.
+const TURNED: f64 = 0.25;
 /// Displacements for derivatives by the height, m, and of the line from feet to hands, rad.
 const HIGHER: f64 = 5e-3;
 const DISPLACEMENT: f64 = 1e-5;
@@ -161,17 +163,21 @@ impl<'m> WhatIfFlight<'m> {
             base,
             unchanged: Outcome::default(),
         };
-        // the angle at the entry is that of the report
-        let unchanged = found.outcome_of(&found.base)?;
-        found.sense = if unchanged.somersaults < 0.0 { -1.0 } else { 1.0 };
+        // the angle at the entry is that of the report, but for the upright and the halves of turns that the report takes off
+        let nearest = |angle: f64| angle + ((report.entry_angle.value - angle) / PI).round() * PI;
+        let from = |angle: f64| (nearest(angle) - report.entry_angle.value).abs();
         found.unchanged = found.outcome_of(&found.base)?;
-        let offset = report.entry_angle.value - found.unchanged.entry_angle;
-        // the upright is not in what is flown, nor are the halves of turns that the report takes off
-        let turns = (offset / PI).round() * PI;
-        found.unchanged.entry_angle += turns;
+        let Outcome { somersaults, entry_angle: flown, .. } = found.unchanged;
+        // without a somersault the report's sense is that of the line from feet to hands
+        let is_backward =
+            if somersaults.abs() > TURNED { somersaults < 0.0 } else { from(-flown) < from(flown) };
+        if is_backward {
+            found.sense = -1.0;
+        }
+        found.unchanged.entry_angle = nearest(found.sense * flown);
         // what joints do between frames that are far apart is not in the frames
+        let off = from(found.unchanged.entry_angle);
         let half = 0.5 * (report.entry_angle.upper - report.entry_angle.lower);
-        let off = (offset - turns).abs();
         if off > half.max(ALLOWED) {
             let apart = frames.windows(2).map(|pair| pair[1].time - pair[0].time).fold(0.0, f64::max);
             return Err(AdviceError::FramesApart { apart, off });

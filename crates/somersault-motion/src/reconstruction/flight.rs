@@ -297,8 +297,11 @@ impl FlightFrame {
     }
 }
 
-/// A vector of the length of one standard deviation along each principal axis of a covariance, which is finite.
+/// A vector of the length of one standard deviation along each principal axis of a covariance; one of NaN where this is not finite.
 fn along_axes(covariance: DMatrix<f64>) -> Vec<Vec<f64>> {
+    if !covariance.iter().all(|x| x.is_finite()) {
+        return vec![vec![f64::NAN; covariance.nrows()]];
+    }
     let parts = covariance.symmetric_eigen();
     let axes = parts.eigenvalues.iter().zip(parts.eigenvectors.column_iter());
     axes.map(|(value, axis)| axis.iter().map(|x| x * deviation_of(*value)).collect()).collect()
