@@ -364,6 +364,7 @@ def test_bad_changes_are_refused() -> None:
         ({"posture": 0.1, "joints": {"tail": 1.0}}, "did you mean|one degree of freedom"),
         ({"posture": 0.1, "joints": {"torso": 1.0}}, "one degree of freedom"),
         ({"posture": 0.1, "joints": {"thigh": "x"}}, "`joints`"),
+        ({"posture": 0.1, "joints": {"thigh": np.nan}}, "`joints` must be finite"),
     ):
         with pytest.raises(InputError, match=named):
             motion.what_if(known, **arguments)  # type: ignore[arg-type]

@@ -4,7 +4,7 @@ use super::identification::facing_of;
 use super::motion_fit::name_of;
 use super::phases::bounds;
 use super::reconstruction::ReconstructedFlight;
-use crate::core::convert::{a_type, array, integer_or_none};
+use crate::core::convert::{a_type, array, finite, integer_or_none};
 use crate::core::error::{Error, did_you_mean};
 use crate::core::value::{Pickled, by_restore, counted, value};
 use crate::core::waiting::leave_on_signal;
@@ -150,7 +150,7 @@ fn direction_of(model: &somersault::multibody::Model, joints: &Bound<'_, PyDict>
                 "`joints` must name bodies whose joint has one degree of freedom, or a ball's body with _x, _y or _z, found '{name}'{meant}"
             )));
         };
-        direction[dof - n_root] = size;
+        direction[dof - n_root] = finite("joints", size)?;
     }
     Ok(direction)
 }
