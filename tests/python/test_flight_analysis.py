@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from dive_faults import DURATION, FAULTS, OPENED_IN, OPENS, smooth
 
 from somersault import motion, multibody, ocp
 from somersault.cli import main
@@ -20,20 +21,7 @@ from somersault.errors import InputError
 DIVER = multibody.diver_planar(mass=62.0, height=1.66)
 MARKERS = motion.MarkerSet.joint_centres(DIVER.model)
 OPEN = np.asarray(DIVER.configuration("A"))[3:]
-DURATION, OPENS, OPENED_IN = 1.4, 1.06, 0.25
-#: What is wrong with a dive, by how much, and what is to be done about it.
-FAULTS = {
-    "opened early": (0.08, "open_later"),
-    "opened late": (0.06, "open_earlier"),
-    "loose": (20.0, "tighter"),
-    "too little momentum": (0.06, "more_momentum"),
-}
 Shape = Callable[[float], tuple[Any, Any]]
-
-
-def smooth(x: float) -> tuple[float, float]:
-    x = min(max(x, 0.0), 1.0)
-    return x**3 * (10 - 15 * x + 6 * x * x), 30 * (x * (1 - x)) ** 2
 
 
 def folding(closed: Any, opens: float) -> Shape:

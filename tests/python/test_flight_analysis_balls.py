@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from dive_faults import DURATION, FAULTS, OPENED_IN, OPENS, smooth
 
 from somersault import motion, multibody
 from somersault.errors import InputError
@@ -13,19 +14,6 @@ DIVER = multibody.diver_ball_jointed(mass=62.0, height=1.66)
 MODEL = DIVER.model
 MARKERS = motion.MarkerSet.on_diver(DIVER, "plug_in_gait")
 HINGED = motion.MarkerSet.on_diver(multibody.diver_spatial(mass=62.0, height=1.66), "plug_in_gait")
-DURATION, OPENS, OPENED_IN = 1.4, 1.06, 0.25
-#: What is wrong with a dive, by how much, and what is to be done about it.
-FAULTS = {
-    "opened early": (0.08, "open_later"),
-    "opened late": (0.06, "open_earlier"),
-    "loose": (24.0, "tighter"),
-    "too little momentum": (0.06, "more_momentum"),
-}
-
-
-def smooth(x: float) -> tuple[float, float]:
-    x = min(max(x, 0.0), 1.0)
-    return x**3 * (10 - 15 * x + 6 * x * x), 30 * (x * (1 - x)) ** 2
 
 
 def spread(posture: str, looser: float = 0.0) -> Any:

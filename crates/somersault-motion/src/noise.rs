@@ -22,7 +22,7 @@ use serde::{Deserialize, Serialize};
 use somersault_core::argument::{ArgumentError, expect_positive, expect_range};
 
 /// The standard deviation of a variance, which rounding may leave below zero. NaN, of one that is not known, stays NaN.
-pub(crate) fn deviation_of(variance: f64) -> f64 {
+pub(crate) fn standard_deviation(variance: f64) -> f64 {
     if variance < 0.0 { 0.0 } else { variance.sqrt() }
 }
 
@@ -194,8 +194,8 @@ mod tests {
 
     #[test]
     fn what_is_not_known_has_no_deviation() {
-        assert_eq!([4.0, -1e-20].map(deviation_of), [2.0, 0.0]);
-        assert!(deviation_of(f64::NAN).is_nan());
+        assert_eq!([4.0, -1e-20].map(standard_deviation), [2.0, 0.0]);
+        assert!(standard_deviation(f64::NAN).is_nan());
     }
 
     #[test]

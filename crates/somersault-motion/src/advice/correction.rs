@@ -3,7 +3,7 @@
 use super::AdviceError;
 use super::what_if::{AGREEMENT, WhatIfFlight};
 use crate::identification::{FlightReport, IdentificationStatus};
-use crate::noise::deviation_of;
+use crate::noise::standard_deviation;
 use crate::phases::WithInterval;
 use crate::reconstruction::ReconstructedFlight;
 use nalgebra::{Matrix3, SMatrix, Vector3};
@@ -355,7 +355,7 @@ impl WhatIfFlight<'_> {
         let covariance = by * &flight.covariance * by.transpose();
         let parts = covariance.fixed_view::<3, 3>(0, 0).into_owned().symmetric_eigen();
         for (value, axis) in parts.eigenvalues.iter().zip(parts.eigenvectors.column_iter()) {
-            let step: Vector3<f64> = axis * deviation_of(*value);
+            let step: Vector3<f64> = axis * standard_deviation(*value);
             if step.norm() > 1e-9 * own.angular_momentum.norm() {
                 let moved =
                     |step: Vector3<f64>| TakeOff { angular_momentum: own.angular_momentum + step, ..own };

@@ -5,7 +5,7 @@ use super::code::{Direction, Facing, Group, directions, number};
 use super::count::Count;
 use super::position::{Angles, Position};
 use crate::analysis::Landmarks;
-use crate::noise::deviation_of;
+use crate::noise::standard_deviation;
 use crate::phases::{WithInterval, gravity_message};
 use crate::reconstruction::{
     FlightFrame, ReconstructedFlight, ReconstructionStatus, counting_of, read_orientation, travelling,
@@ -209,7 +209,7 @@ fn quadratic(flight: &ReconstructedFlight, start: usize, gradient: &[f64]) -> f6
             sum += a * b * flight.covariance[(start + i, start + j)];
         }
     }
-    deviation_of(sum)
+    standard_deviation(sum)
 }
 
 /// The angle of the line from feet to hands from the vertical in a frame, whole turns counted as those of the body's long axis, and its standard

@@ -11,7 +11,7 @@ use super::InertiaEstimateError;
 use super::descent::{Until, descend};
 use super::problem::{Held, Motion, OF_INERTIA, Record, Squares, UNKNOWNS, Unknowns, slopes};
 use super::search::{Fit, PRIOR, ROUNDING};
-use crate::noise::deviation_of;
+use crate::noise::standard_deviation;
 use nalgebra::{DVector, SMatrix, SVector};
 use somersault_core::cancel::CancellationToken;
 
@@ -47,7 +47,7 @@ impl Profile<'_> {
         let slope = slopes(|x| SVector::<f64, 1>::new(function(x)), &self.fit.x);
         let spread = self.covariance * slope.transpose();
         let variance = (slope * spread)[0];
-        let half_width = self.quantile * deviation_of(variance);
+        let half_width = self.quantile * standard_deviation(variance);
         // what is exact to rounding has no noise that a rise could be compared with
         if self.sigma < ROUNDING || half_width.is_nan() || half_width == 0.0 {
             return Ok([half_width; 2]);

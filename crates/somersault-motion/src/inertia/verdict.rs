@@ -9,7 +9,7 @@ use super::triangle::singular;
 use super::{
     FittedMotion, InertiaEstimate, InertiaEstimateError, InertiaOptions, InertiaStatus, significant,
 };
-use crate::noise::deviation_of;
+use crate::noise::standard_deviation;
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix2x6, Matrix3, Matrix6, SMatrix, SVector};
 use nalgebra::{SymmetricEigen, UnitQuaternion, Vector3, Vector6};
 use somersault_core::Inertia;
@@ -229,7 +229,7 @@ fn covariance(
 
 /// Standard deviations of a function of the unknowns, by its derivative.
 fn errors<const M: usize>(slopes: &SMatrix<f64, M, UNKNOWNS>, covariance: &Covariance) -> SVector<f64, M> {
-    (slopes * covariance * slopes.transpose()).diagonal().map(deviation_of)
+    (slopes * covariance * slopes.transpose()).diagonal().map(standard_deviation)
 }
 
 /// The moments of a fit, and how well they are determined.
@@ -269,11 +269,11 @@ impl Moments {
                 equal.push([i, j]);
                 axis_errors[k] = f64::INFINITY;
             } else {
-                axis_errors[k] = deviation_of(within[(3 + k, 3 + k)]) / gap;
+                axis_errors[k] = standard_deviation(within[(3 + k, 3 + k)]) / gap;
             }
         }
         let half_widths =
-            within.diagonal().fixed_rows::<3>(0).map(|variance| quantile * deviation_of(variance));
+            within.diagonal().fixed_rows::<3>(0).map(|variance| quantile * standard_deviation(variance));
         let tensor = body.tensor() / greatest;
         Self { ratios, axes, tensor, quantile, half_widths, within, equal, axis_errors }
     }
@@ -364,7 +364,7 @@ fn in_axes(x: &Unknowns, axes: &Matrix3<f64>) -> Vector6<f64> {
 
 /// The ratios of the moments of another inertia that is as likely as the best.
 fn rival(fits: &[Fit], best: &Moments, sigma: f64) -> Option<Vector3<f64>> {
-    let allowed = best.within.diagonal().map(|variance| APART * deviation_of(variance) + 1e-6);
+    let allowed = best.within.diagonal().map(|variance| APART * standard_deviation(variance) + 1e-6);
     let (fit, others) = fits.split_first()?;
     let other = others.iter().find(|other| {
         let excess = (other.square - fit.square) / (sigma * sigma);
@@ -412,9 +412,9 @@ fn steady(
     Ok(Some(Steady {
         square: squares.residuals(&x)?.iter().map(Vector3::norm_squared).sum(),
         angular_velocity: x.fixed_rows::<3>(3).into_owned(),
-        angular_velocity_errors: Vector3::from_fn(|k, _| deviation_of(covariance[(3 + k, 3 + k)])),
+        angular_velocity_errors: Vector3::from_fn(|k, _| standard_deviation(covariance[(3 + k, 3 + k)])),
         momentum_direction: direction(&x),
-        momentum_error: deviation_of(across.diagonal().max()),
+        momentum_error: standard_deviation(across.diagonal().max()),
     }))
 }
 

@@ -2,7 +2,7 @@
 
 use super::MarkerNoise;
 use crate::fit::rms_of_markers;
-use crate::noise::deviation_of;
+use crate::noise::standard_deviation;
 use crate::phases::FlightPhase;
 use nalgebra::{DMatrix, Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
@@ -260,7 +260,7 @@ pub(super) const AGREEMENT: f64 = 1e-3;
 impl FlightFrame {
     /// Standard deviations of orientation and joints, along v.
     pub fn deviations(&self) -> Vec<f64> {
-        self.covariance.diagonal().iter().map(|x| deviation_of(*x)).collect()
+        self.covariance.diagonal().iter().map(|x| standard_deviation(*x)).collect()
     }
 
     /// Displacements of the joints after the root's `n_root` degrees of freedom by a standard deviation along each principal axis of their covariance.
@@ -304,7 +304,7 @@ fn along_axes(covariance: DMatrix<f64>) -> Vec<Vec<f64>> {
     }
     let parts = covariance.symmetric_eigen();
     let axes = parts.eigenvalues.iter().zip(parts.eigenvectors.column_iter());
-    axes.map(|(value, axis)| axis.iter().map(|x| x * deviation_of(*value)).collect()).collect()
+    axes.map(|(value, axis)| axis.iter().map(|x| x * standard_deviation(*value)).collect()).collect()
 }
 
 impl ReconstructedFlight {

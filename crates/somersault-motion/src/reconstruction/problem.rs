@@ -19,7 +19,7 @@ use crate::frame_fits::{
     FrameFits, FrameNoise, UNKNOWN_NOISE, carry_much, chi_squared, frames_between, points_and_weights,
 };
 use crate::noise::MarkerNoise;
-use crate::noise::deviation_of;
+use crate::noise::standard_deviation;
 use crate::phases::{FlightPhase, find_flight};
 use crate::recording::MarkerRecording;
 use faer::Mat;
@@ -395,7 +395,7 @@ impl FlightReconstruction {
         let beyond_limits = BeyondLimit::of(&self.model, flown_frames.len(), |i, at, rate| {
             let frame = &flown_frames[i];
             let k = rate - n_linear;
-            (frame.time, frame.q[at], deviation_of(frame.covariance[(k, k)]))
+            (frame.time, frame.q[at], standard_deviation(frame.covariance[(k, k)]))
         });
         let departs = beyond_limits.iter().any(BeyondLimit::is_far)
             || departures.iter().any(|[found, limit]| found > limit);

@@ -7,7 +7,7 @@ use super::joints::Channels;
 use super::normal::{Linearized, Placed};
 use super::search::Search;
 use super::unknowns::Estimate;
-use crate::noise::deviation_of;
+use crate::noise::standard_deviation;
 use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, RowDVector, UnitQuaternion, Vector3};
 use somersault_core::lie::so3::hat;
 use somersault_multibody::counting::{BodyAngles, Counting, turns_about_z};
@@ -93,9 +93,9 @@ impl Report<'_> {
             let by_moment =
                 self.moment_gradient(search, estimate, &q, t, &direction, attitude, placed, &mut data)?;
             let moment_of_inertia_deviation =
-                deviation_of((&by_moment * covariance * by_moment.transpose())[(0, 0)]);
+                standard_deviation((&by_moment * covariance * by_moment.transpose())[(0, 0)]);
             let by_turn = self.counting().gradients(&travelling[i])[0];
-            let inclination_deviation = deviation_of(by_turn.dot(&(of_attitude * by_turn)));
+            let inclination_deviation = standard_deviation(by_turn.dot(&(of_attitude * by_turn)));
             found.push(FlightFrame {
                 time: t,
                 q,
@@ -104,7 +104,7 @@ impl Report<'_> {
                 center_of_mass: center,
                 angular_velocity: Quantity {
                     value: placed.turn * rate.angular_velocity,
-                    deviation: of_rate.diagonal().map(deviation_of).fixed_rows::<3>(0).into_owned(),
+                    deviation: of_rate.diagonal().map(standard_deviation).fixed_rows::<3>(0).into_owned(),
                 },
                 moment_of_inertia: moment,
                 moment_of_inertia_deviation,
@@ -303,7 +303,7 @@ impl Report<'_> {
             rows[(9, k)] = 1.0;
         }
         flight.covariance = &rows * covariance * rows.transpose();
-        let deviation = |k: usize| deviation_of(flight.covariance[(k, k)]);
+        let deviation = |k: usize| standard_deviation(flight.covariance[(k, k)]);
         let three = |first: usize| Vector3::from_fn(|k, _| deviation(first + k));
         let center = search.flown.center_of_mass(estimate, times[search.observed.reference], times[0]);
         let velocity = self.velocity_at(estimate, t);
@@ -330,7 +330,7 @@ impl Report<'_> {
                     row += by.tr_mul(&(gradient * sign));
                 }
             }
-            flight.turns_deviation[k] = deviation_of(row.dot(&(covariance * &row))) / TAU;
+            flight.turns_deviation[k] = standard_deviation(row.dot(&(covariance * &row))) / TAU;
         }
     }
 }

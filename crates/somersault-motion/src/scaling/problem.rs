@@ -6,7 +6,7 @@ use super::search::{Body, End, Posterior, Search, State};
 use super::{ScalingError, ScalingOptions};
 use crate::fit::{FitOptions, FitStatus, Marker, MarkerFit, MarkerSet, MotionFit, Scale, Targets};
 use crate::frame_fits::{UNKNOWN_NOISE, axes_of};
-use crate::noise::deviation_of;
+use crate::noise::standard_deviation;
 use crate::reconstruction::BeyondLimit;
 use crate::recording::MarkerRecording;
 use nalgebra::Vector3;
@@ -297,7 +297,7 @@ impl ModelScaler {
         let (posterior, chi_squared) = posterior.map_or((None, 1.0), |(found, x)| (Some(found), x));
         let covariance = posterior.as_ref().map(|posterior| &posterior.covariance);
         let variance = |i: usize, j: usize| covariance.map_or(f64::INFINITY, |c| c[(i, j)]);
-        let deviation = |i: usize| deviation_of(variance(i, i));
+        let deviation = |i: usize| standard_deviation(variance(i, i));
         let groups: Vec<GroupScale> = self
             .groups
             .iter()
@@ -306,7 +306,7 @@ impl ModelScaler {
                 let scale = (state.size + state.proportions[g]).exp();
                 let of_sum = variance(0, 0) + 2.0 * variance(0, 1 + g) + variance(1 + g, 1 + g);
                 let is_seen = deviation(1 + g) < SEEN * options.group_deviation;
-                let deviation = scale * deviation_of(of_sum);
+                let deviation = scale * standard_deviation(of_sum);
                 GroupScale { name: group.name().to_owned(), scale, deviation, is_seen }
             })
             .collect();

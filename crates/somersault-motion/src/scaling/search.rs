@@ -2,7 +2,7 @@
 
 use super::{ScalingError, ScalingOptions};
 use crate::fit::{FitError, Loss, MarkerSet, Targets};
-use crate::noise::deviation_of;
+use crate::noise::standard_deviation;
 use nalgebra::{Cholesky, DMatrix, DVector, Matrix3, Matrix3xX, SymmetricEigen, Vector3};
 use rayon::prelude::*;
 use somersault_core::cancel::CancellationToken;
@@ -573,7 +573,7 @@ impl Search<'_> {
             let by_common = &inverse * &block.mixed;
             let of_common = &by_common * &covariance;
             let variance = |i: usize| inverse[(i, i)] + of_common.row(i).dot(&by_common.row(i));
-            (0..inverse.nrows()).map(|i| deviation_of(variance(i))).collect()
+            (0..inverse.nrows()).map(|i| standard_deviation(variance(i))).collect()
         });
         Ok(Some(Posterior { deviations: deviations.collect(), covariance, n_determined }))
     }

@@ -6,7 +6,7 @@
 
 use super::chain::Covariance;
 use super::motion::Deviations;
-use crate::noise::deviation_of;
+use crate::noise::standard_deviation;
 use nalgebra::{DMatrix, Matrix3, SMatrix, Vector3};
 use somersault_core::lie::so3;
 use somersault_multibody::{Model, Turning};
@@ -258,7 +258,7 @@ impl Channels {
         for (order, deviations) in found.iter_mut().enumerate() {
             for (k, place) in self.velocities.iter().enumerate() {
                 if !self.is_vague[k] {
-                    deviations[*place] = deviation_of(covariance.entry(order * n + k, order * n + k));
+                    deviations[*place] = standard_deviation(covariance.entry(order * n + k, order * n + k));
                 }
             }
         }
@@ -274,7 +274,7 @@ impl Channels {
                 let of = SMatrix::<f64, 6, 6>::from_fn(|i, j| covariance.entry(place(i), place(j)));
                 let whole = by * of * by.transpose();
                 for k in (0..3).filter(|k| !self.is_vague[first + k]) {
-                    found[order][self.velocities[first + k]] = deviation_of(whole[(k, k)]);
+                    found[order][self.velocities[first + k]] = standard_deviation(whole[(k, k)]);
                 }
             }
         }
@@ -320,7 +320,7 @@ impl Channels {
             for (order, deviations) in found.iter_mut().enumerate() {
                 for k in 0..carried.n_linear {
                     let at = 3 * order + k;
-                    deviations[carried.velocities.start + k] = deviation_of(of_motion[(at, at)]);
+                    deviations[carried.velocities.start + k] = standard_deviation(of_motion[(at, at)]);
                 }
             }
         }

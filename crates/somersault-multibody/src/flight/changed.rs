@@ -376,19 +376,19 @@ impl Changed<'_> {
                     let velocity = own + added;
                     let acceleration = own_rate + own.cross(&added) + along * (posture * weight_curved);
                     q[at..at + 4].copy_from_slice((rotation * turn).coords.as_slice());
-                    let columns =
-                        [(&mut v[k..k + 3], velocity * rate), (&mut by[0][0][k..k + 3], -velocity * sigma)];
-                    for (out, column) in columns {
+                    let back = acceleration * (sigma * rate) + velocity * (slope * self.pace);
+                    let [[opened, opened_rate], [moved, moved_rate]] = &mut *by;
+                    for (out, column) in [
+                        (&mut v[k..k + 3], velocity * rate),
+                        (&mut opened[k..k + 3], -velocity * sigma),
+                        (&mut opened_rate[k..k + 3], -back),
+                        (&mut moved[k..k + 3], along * weight),
+                        (
+                            &mut moved_rate[k..k + 3],
+                            (along * weight_rate - along.cross(&own) * weight) * rate,
+                        ),
+                    ] {
                         out.copy_from_slice(column.as_slice());
-                    }
-                    let [[_, opening_rate], [moved, moved_rate]] = by;
-                    let columns = [
-                        (opening_rate, -(acceleration * (sigma * rate) + velocity * (slope * self.pace))),
-                        (moved, along * weight),
-                        (moved_rate, (along * weight_rate - along.cross(&own) * weight) * rate),
-                    ];
-                    for (out, column) in columns {
-                        out[k..k + 3].copy_from_slice(column.as_slice());
                     }
                 }
             }
