@@ -248,7 +248,7 @@ fn reduced_flight(c: &mut Criterion) {
 /// A somersault of 1.2 s with joints at 61 times, flown again with derivatives: of a pike that is opened later.
 fn flown_again(c: &mut Criterion) {
     let mut group = c.benchmark_group("flight flown again");
-    let balls = BallJointedDiver(Diver::spatial());
+    let balls = BallJointedDiver::new(Diver::spatial());
     let hinged = |diver: Diver| {
         let postures = [Posture::A, Posture::H].map(|p| diver.configuration(p).expect("a posture"));
         (diver.model().expect("valid"), postures)

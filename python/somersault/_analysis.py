@@ -49,8 +49,10 @@ _JOINTS = {
     "shoulder": (("upper_arm",),),
     "elbow": (("forearm",), ("right_forearm", "left_forearm")),
 }
-#: Of the ball-jointed diver's angles those of the joints that are balls.
-_BALLS = {"trunk": ("pelvis_bend",), "hip": ("right_hip", "left_hip")}
+#: Of the ball-jointed diver's angles those of the joints that are balls, sides as one.
+_BALLS = {"hip": ("right_hip", "left_hip")}
+#: Those that bend the trunk, together.
+_TRUNK = ("abdomen_bend", "pelvis_bend")
 #: Folded postures of the templates, by the position.
 _POSTURES = {"pike": "H", "tuck": "F"}
 #: Distance of the markers, root mean square, beyond which the model is not the body that was recorded, m.
@@ -421,8 +423,11 @@ def _of_same_size(flight: ReconstructedFlight, make: Callable[..., multibody.Div
     """A diver of the same mass and lengths of segments."""
 
     def lengths(of: multibody.Model) -> dict[str, float]:
-        ends = {link.name.removeprefix("right_"): float(np.linalg.norm(link.origin)) for link in of.links}
-        return {segment: ends[end] for segment, end in _ENDS.items()}
+        ends = {link.name.removeprefix("right_"): link.origin for link in of.links}
+        if "abdomen" in ends:
+            # the trunk is as long as thorax and abdomen together
+            ends["head"] = ends["head"] - ends["abdomen"] - ends["pelvis"]
+        return {segment: float(np.linalg.norm(ends[end])) for segment, end in _ENDS.items()}
 
     model, reference = flight.model, make()
     usual = lengths(reference.model)
@@ -436,9 +441,11 @@ def _of_same_size(flight: ReconstructedFlight, make: Callable[..., multibody.Div
 def joint_angles(model: multibody.Model, q: Array) -> dict[str, Array]:
     """Angles of the joints that are compared, sides as one, rad: of hinges, and of the ball-jointed diver."""
     names = set(model.names)
-    balls = multibody.diver_ball_jointed()
+    balls = multibody.diver_ball_jointed(thorax="abdomen" in names)
     angles = balls.angles(q) if model.names == balls.model.names else {}
     found = {}
+    if angles:
+        found["trunk"] = np.sum([angles[name] for name in _TRUNK if name in angles], axis=0)
     for joint, sides in _JOINTS.items():
         bodies = next((bodies for bodies in sides if names.issuperset(bodies)), ())
         columns = [q[:, model.positions_of(body)] for body in bodies]

@@ -190,35 +190,84 @@ fn segments_of_divers_have_sizes_of_their_own() {
 #[test]
 fn the_diver_with_balls_is_that_with_hinges_where_these_turn() {
     let hinged = Diver { mass: 58.0, height: 1.62, ..Diver::spatial() };
-    let diver = BallJointedDiver(hinged);
-    let (hinges, balls) = (hinged.model().unwrap(), diver.model().unwrap());
-    assert_eq!((balls.n_bodies(), balls.n_velocities()), (17, 34));
-    assert_eq!(diver.dof_names().unwrap().len(), 34);
-    assert!((balls.mass() - hinges.mass()).abs() < 1e-12);
-    let (mut data, mut of_balls) = (Data::new(&hinges), Data::new(&balls));
-    for posture in Posture::ALL {
-        let (q, p) = (hinged.configuration(posture).unwrap(), diver.configuration(posture).unwrap());
-        let (known, found) =
-            (hinges.positions(&mut data, &q).unwrap(), balls.positions(&mut of_balls, &p).unwrap());
-        assert!((known.center_of_mass() - found.center_of_mass()).norm() < 1e-13);
-        for (i, link) in balls.links().iter().enumerate() {
-            let (a, b) = (known.pose(hinges.body(link.name()).unwrap()).unwrap(), found.pose(i).unwrap());
-            assert!((a.translation - b.translation).norm() + (a.rotation - b.rotation).amax() < 1e-13);
-        }
-        // its angles are those of the hinges, and no others; where two axes of a shoulder coincide they are other ones
-        for (name, angles) in diver.angles(&p).unwrap() {
-            let angle = angles[0];
-            let hinge = hinged.dof_names().iter().position(|known| *known == name);
-            let expected = hinge.map_or(0.0, |k| q[k + 1]);
-            let coincides = name.contains("shoulder") && [Posture::C, Posture::G].contains(&posture);
-            assert!((angle - expected).abs() < 1e-9 || coincides, "{posture} {name}: {angle} {expected}");
+    let balls = BallJointedDiver::new(hinged);
+    for (diver, bodies, dofs) in [(balls, 17, 34), (balls.with_thorax(), 19, 36)] {
+        let (hinges, balls) = (hinged.model().unwrap(), diver.model().unwrap());
+        assert_eq!((balls.n_bodies(), balls.n_velocities()), (bodies, dofs));
+        assert_eq!(diver.dof_names().unwrap().len(), dofs);
+        assert!((balls.mass() - hinges.mass()).abs() < 1e-12);
+        let (mut data, mut of_balls) = (Data::new(&hinges), Data::new(&balls));
+        for posture in Posture::ALL {
+            let (q, p) = (hinged.configuration(posture).unwrap(), diver.configuration(posture).unwrap());
+            let (known, found) =
+                (hinges.positions(&mut data, &q).unwrap(), balls.positions(&mut of_balls, &p).unwrap());
+            // thorax and abdomen are given to 1 µm
+            let slack = if diver.has_thorax { 1e-6 } else { 1e-13 };
+            assert!((known.center_of_mass() - found.center_of_mass()).norm() < slack);
+            for (i, link) in balls.links().iter().enumerate() {
+                let Ok(body) = hinges.body(link.name()) else { continue };
+                let (a, b) = (known.pose(body).unwrap(), found.pose(i).unwrap());
+                assert!((a.translation - b.translation).norm() + (a.rotation - b.rotation).amax() < 1e-13);
+            }
+            // its angles are those of the hinges, and no others; where two axes of a shoulder coincide they are other ones
+            for (name, angles) in diver.angles(&p).unwrap() {
+                let angle = angles[0];
+                let hinge = hinged.dof_names().iter().position(|known| *known == name);
+                let expected = hinge.map_or(0.0, |k| q[k + 1]);
+                let coincides = name.contains("shoulder") && [Posture::C, Posture::G].contains(&posture);
+                assert!((angle - expected).abs() < 1e-9 || coincides, "{posture} {name}: {angle} {expected}");
+            }
         }
     }
 }
 
 #[test]
+fn thorax_and_abdomen_are_those_of_de_leva_and_together_the_torso() {
+    let diver = BallJointedDiver::new(Diver::spatial()).with_thorax();
+    let (model, rigid) = (diver.model().unwrap(), Diver::spatial().model().unwrap());
+    // de Leva 1996, Table 4, male, for 1.741 m: lengths from cervicale to xiphion and on to omphalion, mm; mass, centre
+    // from the upper end and radii of gyration about x, y and z over the length, per cent
+    for (name, length, top, mass, centre, radii) in [
+        ("torso", 242.1, 242.1 + 215.5, 15.96, 50.66, [50.5, 32.0, 46.5]),
+        ("abdomen", 215.5, 0.0, 16.33, 45.02, [48.2, 38.3, 46.8]),
+    ] {
+        let body = model.links()[model.body(name).unwrap()].mass_properties();
+        let metres = 1e-3 * 1.70 / 1.741;
+        assert!((body.mass - 0.65 * mass).abs() < 1e-12, "{name}");
+        let expected = Vector3::new(0.0, 0.0, (top - 0.01 * centre * length) * metres);
+        assert!((body.center - expected).norm() < 1e-6, "{name}: {}", body.center);
+        for (k, radius) in radii.into_iter().enumerate() {
+            let moment = body.mass * (0.01 * radius * length * metres).powi(2);
+            assert!((body.inertia[(k, k)] - moment).abs() < 1e-6, "{name}: {moment}");
+        }
+    }
+    // together they have the mass and the inertia that the trunk has in one piece
+    let (mut data, mut of_rigid) = (Data::new(&model), Data::new(&rigid));
+    let root = |q: &[f64]| q[..7].to_vec();
+    let (q, p) =
+        (diver.configuration(Posture::A).unwrap(), Diver::spatial().configuration(Posture::A).unwrap());
+    assert_eq!(root(&q), root(&p));
+    let inertia = model.centroidal(&mut data, &q).unwrap().matrix.fixed_columns::<6>(0).into_owned();
+    let whole = rigid.centroidal(&mut of_rigid, &p).unwrap().matrix.fixed_columns::<6>(0).into_owned();
+    assert!((inertia - &whole).amax() < 1e-5 * whole.amax());
+    // of other divers the abdomen is a part of the torso
+    let segments = SegmentScales::default().with("abdomen", [1.1; 3]).unwrap();
+    let larger = |diver: Diver| Diver { segments, ..diver };
+    for diver in [Diver::planar(), Diver::spatial()] {
+        assert!(
+            matches!(larger(diver).model(), Err(ModelError::UnknownSegment { name, .. }) if name == "abdomen")
+        );
+    }
+    let balls = BallJointedDiver::new(larger(Diver::spatial()));
+    assert!(matches!(balls.model(), Err(ModelError::UnknownSegment { .. })));
+    let longer = balls.with_thorax().model().unwrap();
+    let below = |model: &Model| model.links()[model.body("pelvis").unwrap()].origin().z;
+    assert!((below(&longer) - 1.1 * below(&model)).abs() < 1e-14);
+}
+
+#[test]
 fn angles_of_balls_make_their_rotations() {
-    let diver = BallJointedDiver(Diver::spatial());
+    let diver = BallJointedDiver::new(Diver::spatial()).with_thorax();
     let model = diver.model().unwrap();
     let (x, y, z) = (Vector3::x(), Vector3::y(), Vector3::z());
     let mut random = Random::new(8);

@@ -46,6 +46,7 @@ _BLUR = 0.01
 #: Sizes of a person over those of the usual diver, along x forward, y outwards and z up.
 _PERSON = {
     "torso": (0.96, 1.04, 0.96),
+    "abdomen": (1.05, 1.05, 1.05),
     "pelvis": (1.0, 1.08, 1.0),
     "thigh": (1.07, 1.07, 1.07),
     "shank": (0.97, 0.97, 0.97),
@@ -332,7 +333,7 @@ def _flight(page: Page) -> None:
 
 def _trial() -> tuple[motion.MarkerSet, motion.MarkerRecording]:
     """Markers on the usual diver, and a person of other proportions who moves all joints."""
-    usual = multibody.diver_ball_jointed()
+    usual = multibody.diver_ball_jointed(thorax=True)
     person = usual.scaled(_PERSON)
     rng = np.random.default_rng(4)
     t = np.linspace(0.0, 2.0, 61)
@@ -375,7 +376,8 @@ def _proportions(page: Page) -> None:
         "A model has usual proportions, and people have others. <code>motion.scale_model</code> finds"
         " the sizes of segments and the places of markers on them, from a recording in which all joints"
         " move. The diver here has ball joints at waist, neck, hips and shoulders, so that its legs spread"
-        " as those of people; the person is SYNTHETIC, with markers of Plug-in Gait seen with noise of"
+        " as those of people, and a trunk that bends between thorax and abdomen too; the person is"
+        " SYNTHETIC, with markers of Plug-in Gait seen with noise of"
         f" {1e3 * _NOISE:g} mm."
     )
     page.code("body = motion.scale_model(markers, trial)\nbody.scales, body.offsets, body.markers")

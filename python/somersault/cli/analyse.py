@@ -64,9 +64,13 @@ def _analyser(document: Document) -> Callable[[Path], motion.FlightAnalysis]:
     from somersault._analysis import markers_of
 
     values = document.values
-    sizes = {name: values[name] for name in ("mass", "height") if name in values}
+    sizes = {name: values[name] for name in ("mass", "height", "thorax") if name in values}
+    kind = values.get("model", "spatial")
+    if "thorax" in sizes and kind != "ball_jointed":
+        with document.at("thorax"):
+            raise InputError("`thorax` is of the model `ball_jointed` only")
     with document.at():
-        diver = getattr(multibody, f"diver_{values.get('model', 'spatial')}")(**sizes)
+        diver = getattr(multibody, f"diver_{kind}")(**sizes)
     with document.at("markers"):
         markers = _markers(diver, values)
     if (trial := _trial(document)) is not None:

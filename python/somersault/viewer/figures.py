@@ -46,6 +46,17 @@ _TORSO = (
     (0.430, -0.006, 0, 0.060, 0.064),
     (0.450, -0.004, 0, 0.045, 0.045),
 )
+# The same in two parts, for a thorax that moves.
+_THORAX = ((0.170, 0.010, 0, 0.096, 0.134), (0.190, 0.011, 0, 0.114, 0.156), *_TORSO[5:])
+_ABDOMEN = (
+    (-0.258, 0.006, 0, 0.050, 0.090),
+    (-0.240, 0.003, 0, 0.080, 0.118),
+    (-0.210, 0.000, 0, 0.097, 0.130),
+    (-0.130, 0.004, 0, 0.101, 0.137),
+    (-0.050, 0.010, 0, 0.112, 0.152),
+    (-0.010, 0.011, 0, 0.113, 0.155),
+    (0.020, 0.011, 0, 0.098, 0.138),
+)
 _PELVIS = (
     (-0.245, 0.000, 0, 0.045, 0.045),
     (-0.220, -0.008, 0, 0.082, 0.100),
@@ -139,6 +150,7 @@ class _Diver:
     def __init__(self, model: Model) -> None:
         links = {link.name: link for link in model.links}
         self.planar = "thigh" in links
+        self.trunk = {"torso": _THORAX, "abdomen": _ABDOMEN} if "abdomen" in links else {"torso": _TORSO}
         self.long = float(np.linalg.norm(links["head"].origin)) / _NECK
         self.wide = float(np.sqrt(model.mass / _MASS / self.long))
 
@@ -200,7 +212,7 @@ class _Diver:
 
     def shapes(self) -> Shapes:
         found: Shapes = {
-            "torso": [self.skin(_TORSO)],
+            **{name: [self.skin(rows)] for name, rows in self.trunk.items()},
             "pelvis": [self.skin(_PELVIS, None)],
             "head": self.head(),
         }

@@ -70,7 +70,7 @@ impl Ragdoll {
 
     /// The tree with its contacts, actuators and start.
     pub fn system(&self) -> Result<TreeContactSystem, ModelError> {
-        let figure = BallJointedDiver(self.body).model()?;
+        let figure = BallJointedDiver::new(self.body).model()?;
         let mut builder = Model::builder().with_gravity(*figure.gravity());
         for link in figure.links() {
             builder.add(self.limp(link))?;

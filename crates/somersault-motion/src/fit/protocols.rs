@@ -25,7 +25,7 @@ pub enum MarkerProtocol {
     Halpe26,
     /// The 33 landmarks of MediaPipe.
     MediaPipe,
-    /// The joints of SMPL and its relatives but those of spine and collar bones, which a rigid thorax has not.
+    /// The joints of SMPL and its relatives but those of spine and collar bones, which no diver has.
     Smpl,
     /// The key points of OpenCap and Pose2Sim in TRC files, and the anatomical markers that OpenCap's augmenter adds.
     OpenCap,
@@ -274,9 +274,11 @@ impl MarkerSet {
         Self::try_new(&model, markers)
     }
 
-    /// The same on a diver with ball joints, whose model they are for.
+    /// The same on a diver with ball joints, whose model they are for: where it has a thorax, all markers of the torso are on that.
     pub fn on_ball_jointed(diver: &BallJointedDiver, protocol: MarkerProtocol) -> Result<Self, FitError> {
-        let hinged = Diver { dimension: Dimension::Spatial, ..diver.0 };
+        // no protocol has markers on an abdomen
+        let segments = diver.size.segments.with("abdomen", [1.0; 3])?;
+        let hinged = Diver { dimension: Dimension::Spatial, segments, ..diver.size };
         let (hinges, balls) = (hinged.model()?, diver.model()?);
         let moved = |marker: Marker| -> Result<Marker, FitError> {
             let body = balls.body(hinges.name(marker.body).unwrap_or_default())?;
@@ -347,17 +349,25 @@ mod tests {
 
     #[test]
     fn on_balls_markers_are_where_they_are_on_hinges() {
-        let segments = SegmentScales::default().with("thigh", [1.1; 3]).unwrap();
+        let segments = SegmentScales::default()
+            .with("thigh", [1.1; 3])
+            .and_then(|segments| segments.with("torso", [1.05, 1.1, 0.95]))
+            .unwrap();
         let diver = Diver { segments, ..Diver::spatial() };
-        let balls = BallJointedDiver(diver);
-        let model = balls.model().unwrap();
-        let mut data = Data::new(&model);
-        let poses = model.positions(&mut data, &model.neutral()).unwrap();
-        for (protocol, name) in MarkerProtocol::ALL {
-            let known = standing(&diver, protocol);
-            for marker in MarkerSet::on_ball_jointed(&balls, protocol).unwrap().markers() {
-                let place = poses.pose(marker.body).unwrap().point(&marker.point);
-                assert!((place - known[&marker.name]).norm() < 1e-12, "{name}: {}", marker.name);
+        let balls = BallJointedDiver::new(diver);
+        // the abdomen with the size of the torso
+        let segments = segments.with("abdomen", [1.05, 1.1, 0.95]).unwrap();
+        let with_thorax = BallJointedDiver::new(Diver { segments, ..diver }).with_thorax();
+        for balls in [balls, with_thorax] {
+            let model = balls.model().unwrap();
+            let mut data = Data::new(&model);
+            let poses = model.positions(&mut data, &model.neutral()).unwrap();
+            for (protocol, name) in MarkerProtocol::ALL {
+                let known = standing(&diver, protocol);
+                for marker in MarkerSet::on_ball_jointed(&balls, protocol).unwrap().markers() {
+                    let place = poses.pose(marker.body).unwrap().point(&marker.point);
+                    assert!((place - known[&marker.name]).norm() < 1e-12, "{name}: {}", marker.name);
+                }
             }
         }
     }

@@ -215,7 +215,7 @@ fn joints_of_figures(model: &Model) -> MarkerSet {
 #[test]
 fn people_are_followed_by_balls() {
     let (hinged, balls) =
-        (Diver::spatial().model().unwrap(), BallJointedDiver(Diver::spatial()).model().unwrap());
+        (Diver::spatial().model().unwrap(), BallJointedDiver::new(Diver::spatial()).model().unwrap());
     for (name, by_hinges) in [("backflip", 0.03), ("sideflip", 0.07)] {
         let Some(recording) = motion(name) else { return };
         let seen = recording.joint_centres().unwrap();

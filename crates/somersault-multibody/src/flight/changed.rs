@@ -609,7 +609,7 @@ mod tests {
         let postures = [Posture::A, Posture::H];
         let hinged =
             |diver: Diver| of(diver.model().unwrap(), postures.map(|p| diver.configuration(p).unwrap()));
-        let balls = BallJointedDiver(Diver::spatial());
+        let balls = BallJointedDiver::new(Diver::spatial());
         let with_balls = of(balls.model().unwrap(), postures.map(|p| balls.configuration(p).unwrap()));
         [hinged(Diver::planar()), hinged(Diver::spatial()), with_balls]
     }

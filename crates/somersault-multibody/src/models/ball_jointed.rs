@@ -1,11 +1,14 @@
 //! A diver with ball joints, for recordings of people: legs spread and turn, and trunk and head lean.
 
-use super::diver::{ABDUCTION_RANGE, ARM, Diver, HEAD, LEG, PELVIS, ROTATION_RANGE, SIDES, TWIST_RANGE};
+use super::diver::{
+    ABDOMEN, ABDUCTION_RANGE, ARM, Diver, HEAD, LEG, PELVIS, ROTATION_RANGE, SIDES, SegmentScales, THORAX,
+    TWIST_RANGE, about, limited,
+};
 use super::posture::Posture;
 use crate::builder::ModelBuilder;
 use crate::error::ModelError;
 use crate::joint::Joint;
-use crate::link::Link;
+use crate::link::{Link, MassProperties};
 use crate::model::Model;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3, Vector4};
 use somersault_core::argument::{expect_finite, expect_length};
@@ -16,17 +19,24 @@ use std::f64::consts::{PI, TAU};
 /// Bodies, their axes and their masses are those of [`Diver::spatial`]; knees, ankles, toes, elbows and wrists are its hinges, with their limits. Balls have
 /// none.
 ///
+/// [With a thorax](Self::with_thorax) the trunk bends and leans at the tip of the breastbone too, by two hinges with limits: 18 bodies with mass and 36 degrees
+/// of freedom. The body `torso` then is the thorax alone, with the head and the arms, and between it and the pelvis is the body `abdomen`. Upper and middle trunk
+/// of de Leva's table together are the torso of the other divers, so that at q = 0 all points and all mass are where they are without a thorax; the axes of
+/// `torso` are the same, with the origin at the omphalion of the straight trunk. The trunk twists at the waist only: markers on thorax and pelvis do not tell
+/// where between them it does.
+///
 /// | Ball | Angles, one after the other | Positive |
 /// |---|---|---|
 /// | waist | `pelvis_twist`, `pelvis_bend`, `pelvis_lean` about z, −y, x | of the pelvis: to the left, trunk flexion, … |
 /// | neck | `neck`, `neck_lean`, `neck_turn` about y, x, z | chin to chest, to the right, to the left |
 /// | hips | `hip`, `hip_abduction`, `hip_rotation` about −y, then −x right or x left, then z right or −z left | flexion, sideways, inwards |
 /// | shoulders | `shoulder_flexion`, `shoulder_abduction`, `shoulder_rotation` about the same axes | forward and up, sideways, inwards |
+/// | *hinges below a thorax* | `abdomen_bend`, `abdomen_lean` about −y, x | of the abdomen: as of the waist |
 ///
 /// ```
 /// use somersault_multibody::models::{BallJointedDiver, Diver, Posture};
 ///
-/// let diver = BallJointedDiver(Diver::spatial());
+/// let diver = BallJointedDiver::new(Diver::spatial());
 /// let pike = diver.configuration(Posture::H)?;
 /// let angles = diver.angles(&pike)?;
 /// let (_, hip) = angles.iter().find(|(name, _)| name == "right_hip").unwrap();
@@ -34,7 +44,12 @@ use std::f64::consts::{PI, TAU};
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct BallJointedDiver(pub Diver);
+pub struct BallJointedDiver {
+    /// Its size; the dimension is not looked at.
+    pub size: Diver,
+    /// Whether the thorax moves against the abdomen.
+    pub has_thorax: bool,
+}
 
 /// A ball: the body it carries, names of its angles, the axes about which these turn one after the other, and usual ranges, degrees.
 struct Ball {
@@ -45,24 +60,62 @@ struct Ball {
 }
 
 impl BallJointedDiver {
-    /// The tree.
-    pub fn model(&self) -> Result<Model, ModelError> {
-        let hinged = self.spatial().model()?;
-        let mut builder = ModelBuilder::new().with_gravity(*hinged.gravity());
-        let balls = balls();
-        for (i, link) in hinged.links().iter().enumerate() {
-            if link.mass_properties().mass > 0.0 {
-                builder.add(on_ball(&hinged, i, link, &balls))?;
-            }
-        }
-        builder.build()
+    /// One whose torso is rigid.
+    pub fn new(size: Diver) -> Self {
+        Self { size, has_thorax: false }
     }
 
-    /// q with the joints in a posture and the torso upright, its joint with the pelvis at the origin.
+    /// The same with joints between thorax and abdomen.
+    pub fn with_thorax(self) -> Self {
+        Self { has_thorax: true, ..self }
+    }
+
+    /// The tree.
+    pub fn model(&self) -> Result<Model, ModelError> {
+        let diver = self.spatial();
+        let hinged = Diver { segments: SegmentScales::default(), ..diver }.model()?;
+        let mut builder = ModelBuilder::new().with_gravity(*hinged.gravity());
+        let balls = balls();
+        let (thorax, abdomen) = (diver.single(&THORAX), diver.single(&ABDOMEN));
+        let tip = diver.joint_of(&ABDOMEN, 0.0);
+        for (i, link) in hinged.links().iter().enumerate() {
+            if link.mass_properties().mass == 0.0 {
+                continue;
+            }
+            let link = on_ball(&hinged, i, link, &balls);
+            match link.name() {
+                "torso" if self.has_thorax => {
+                    builder.add(Link::root("torso", Joint::Free, thorax))?;
+                    let bend = Link::child(
+                        "abdomen_bend",
+                        "torso",
+                        about(-Vector3::y()),
+                        MassProperties::massless(),
+                    );
+                    builder.add(limited(bend.at(tip), ABDOMEN.range))?;
+                    let lean = Link::child("abdomen", "abdomen_bend", about(Vector3::x()), abdomen);
+                    builder.add(limited(lean, LEAN_RANGE))?;
+                }
+                "pelvis" if self.has_thorax => {
+                    let origin = link.origin() - tip;
+                    builder.add(link.carried_by("abdomen").at(origin))?;
+                }
+                _ => {
+                    builder.add(link)?;
+                }
+            }
+        }
+        diver.scaled(builder.build()?)
+    }
+
+    /// q with the joints in a posture and the torso upright, its joint with the pelvis at the origin, and the abdomen in line with the thorax.
     pub fn configuration(&self, posture: Posture) -> Result<Vec<f64>, ModelError> {
         let hinged = Diver::spatial().model()?;
         let balls = balls();
         let mut q = vec![0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+        if self.has_thorax {
+            q.extend([0.0; 2]);
+        }
         // what frames without mass turned
         let mut turned = UnitQuaternion::identity();
         for (link, angle) in hinged.links()[1..].iter().zip(posture.spatial()) {
@@ -126,7 +179,7 @@ impl BallJointedDiver {
     }
 
     fn spatial(&self) -> Diver {
-        Diver { dimension: super::Dimension::Spatial, ..self.0 }
+        Diver { dimension: super::Dimension::Spatial, ..self.size }
     }
 }
 
@@ -138,7 +191,7 @@ fn balls() -> Vec<Ball> {
         axes,
         ranges,
     };
-    let waist = [TWIST_RANGE, PELVIS.range, [-45.0, 45.0]];
+    let waist = [TWIST_RANGE, PELVIS.range, LEAN_RANGE];
     let neck = [HEAD.range, [-45.0, 45.0], [-90.0, 90.0]];
     let mut all = vec![
         ball("pelvis", ["pelvis_twist", "pelvis_bend", "pelvis_lean"], [z, -y, x], waist),
@@ -170,6 +223,7 @@ fn angle_names(model: &Model) -> Vec<Vec<String>> {
         body if body.ends_with("foot") => body.replace("foot", "ankle"),
         body if body.ends_with("forearm") => body.replace("forearm", "elbow"),
         body if body.ends_with("hand") => body.replace("hand", "wrist"),
+        "abdomen" => "abdomen_lean".to_owned(),
         body => body.to_owned(),
     };
     let of = |(link, ball): (&Link, Option<Ball>)| match ball {
@@ -233,5 +287,7 @@ impl Ball {
     }
 }
 
+/// Degrees.
+const LEAN_RANGE: [f64; 2] = [-45.0, 45.0];
 /// Cosine of the second angle at which the first axis and the third are one.
 const COINCIDE: f64 = 1e-9;

@@ -90,7 +90,7 @@ pub struct Diver {
 }
 
 /// Sizes of the segments of a diver over those that follow from its height, both sides alike: along x forward, y outwards and z up as the diver
-/// stands. Masses stay.
+/// stands. Masses stay. Only a [`BallJointedDiver`](super::BallJointedDiver) with a thorax has an abdomen; of the others it is a part of the torso.
 ///
 /// ```
 /// use somersault_multibody::models::{Diver, SegmentScales};
@@ -102,19 +102,30 @@ pub struct Diver {
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct SegmentScales([[f64; 3]; 10]);
+pub struct SegmentScales([[f64; 3]; 11]);
 
 impl Default for SegmentScales {
     /// As the height has them.
     fn default() -> Self {
-        Self([[1.0; 3]; 10])
+        Self([[1.0; 3]; 11])
     }
 }
 
 impl SegmentScales {
     /// The segments.
-    pub const NAMES: [&str; 10] =
-        ["torso", "pelvis", "thigh", "shank", "foot", "toes", "head", "upper_arm", "forearm", "hand"];
+    pub const NAMES: [&str; 11] = [
+        "torso",
+        "pelvis",
+        "thigh",
+        "shank",
+        "foot",
+        "toes",
+        "head",
+        "upper_arm",
+        "forearm",
+        "hand",
+        "abdomen",
+    ];
 
     /// The scales of a segment, or of a body of the diver that is one; none of what is neither.
     pub fn of(&self, name: &str) -> Option<[f64; 3]> {
@@ -130,10 +141,13 @@ impl SegmentScales {
 
     fn number(name: &str) -> Option<usize> {
         let part = SIDES.iter().find_map(|(side, _)| name.strip_prefix(side)?.strip_prefix('_'));
-        let name = part.filter(|part| !["torso", "pelvis", "head"].contains(part)).unwrap_or(name);
+        let name = part.filter(|part| !IN_THE_MIDDLE.contains(part)).unwrap_or(name);
         Self::NAMES.iter().position(|known| *known == name)
     }
 }
+
+/// Segments of which there is one.
+const IN_THE_MIDDLE: [&str; 4] = ["torso", "abdomen", "pelvis", "head"];
 
 /// Mass and height to which the table of segments belongs.
 const REFERENCE: (f64, f64) = (65.0, 1.70);
@@ -165,6 +179,30 @@ const TORSO: Segment = Segment {
     center: [0.0, 0.22017],
     moments: [0.491442, 0.362711, 0.228296],
     range: [0.0, 0.0],
+};
+
+/// The part of the torso above the tip of the breastbone, where it has a joint.
+pub(super) const THORAX: Segment = Segment {
+    name: "torso",
+    joint: [0.0, 0.0],
+    lateral: 0.0,
+    sense: 1.0,
+    mass: 10.374,
+    center: [0.0, 0.327064],
+    moments: [0.147849, 0.059366, 0.125355],
+    range: [0.0, 0.0],
+};
+
+/// The part of the torso below it.
+pub(super) const ABDOMEN: Segment = Segment {
+    name: "abdomen",
+    joint: [0.0, 0.210425],
+    lateral: 0.0,
+    sense: -1.0,
+    mass: 10.6145,
+    center: [0.0, -0.094733],
+    moments: [0.109191, 0.068943, 0.102940],
+    range: [-30.0, 45.0],
 };
 
 pub(super) const PELVIS: Segment = Segment {
@@ -316,11 +354,11 @@ const SPATIAL_NAMES: [&str; 27] = [
     "left_wrist",
 ];
 
-fn limited(link: Link, degrees: [f64; 2]) -> Link {
+pub(super) fn limited(link: Link, degrees: [f64; 2]) -> Link {
     link.with_limits(degrees[0].to_radians(), degrees[1].to_radians())
 }
 
-fn about(axis: Vector3<f64>) -> Joint {
+pub(super) fn about(axis: Vector3<f64>) -> Joint {
     Joint::Revolute { axis }
 }
 
@@ -375,9 +413,20 @@ impl Diver {
         for link in links {
             builder.add(link)?;
         }
-        let model = builder.build()?;
-        if self.segments == SegmentScales::default() {
+        self.scaled(builder.build()?)
+    }
+
+    /// A model whose bodies have the names of segments, with the segments of this diver.
+    pub(super) fn scaled(&self, model: Model) -> Result<Model, ModelError> {
+        let is_given = |name: &&str| self.segments.of(name) != Some([1.0; 3]);
+        let mut given = SegmentScales::NAMES.into_iter().filter(is_given).peekable();
+        if given.peek().is_none() {
             return Ok(model);
+        }
+        let has = |segment: &&str| model.links().iter().any(|link| link.name().ends_with(segment));
+        if let Some(name) = given.find(|name| !has(name)) {
+            let known: Vec<&str> = SegmentScales::NAMES.into_iter().filter(has).collect();
+            return Err(ModelError::UnknownSegment { name: name.to_owned(), known: known.join(", ") });
         }
         let scale = |link: &Link| {
             let [x, y, z] = self.segments.of(link.name()).unwrap_or([1.0; 3]);
@@ -463,7 +512,7 @@ impl Diver {
     }
 
     /// Position of a joint in the parent, `y` to the left.
-    fn joint_of(&self, segment: &Segment, y: f64) -> Vector3<f64> {
+    pub(super) fn joint_of(&self, segment: &Segment, y: f64) -> Vector3<f64> {
         Vector3::new(segment.joint[0], y, segment.joint[1]) * self.stretch()
     }
 
@@ -472,7 +521,7 @@ impl Diver {
         self.height / REFERENCE.1
     }
 
-    fn single(&self, segment: &Segment) -> MassProperties {
+    pub(super) fn single(&self, segment: &Segment) -> MassProperties {
         let mass = segment.mass * (self.mass / REFERENCE.0);
         let scale = self.mass / REFERENCE.0 * self.stretch().powi(2);
         MassProperties {

@@ -23,28 +23,37 @@ pub(crate) struct Diver {
     /// Size and, where it has hinges, how it moves.
     diver: models::Diver,
     has_balls: bool,
+    has_thorax: bool,
     pub(crate) model: Py<Model>,
 }
 
 impl Diver {
     /// One with hinges.
     pub(crate) fn of(py: Python<'_>, diver: models::Diver) -> Result<Self, Error> {
-        Self::made(py, diver, false)
+        Self::made(py, diver, false, false)
     }
 
-    fn made(py: Python<'_>, diver: models::Diver, has_balls: bool) -> Result<Self, Error> {
-        let model = if has_balls { BallJointedDiver(diver).model()? } else { diver.model()? };
-        Ok(Self { diver, has_balls, model: Py::new(py, Model::of(model))? })
+    fn made(py: Python<'_>, diver: models::Diver, has_balls: bool, has_thorax: bool) -> Result<Self, Error> {
+        let model =
+            if has_balls { BallJointedDiver { size: diver, has_thorax }.model()? } else { diver.model()? };
+        Ok(Self { diver, has_balls, has_thorax, model: Py::new(py, Model::of(model))? })
     }
 
     /// The diver with ball joints, if it is one.
     pub(crate) fn ball_jointed(&self) -> Option<BallJointedDiver> {
-        self.has_balls.then_some(BallJointedDiver(self.diver))
+        let Self { diver: size, has_thorax, .. } = *self;
+        self.has_balls.then_some(BallJointedDiver { size, has_thorax })
     }
 
     /// Its lengths and masses, however its joints turn.
     pub(crate) fn size(&self) -> models::Diver {
         self.diver
+    }
+
+    /// The segments that it has.
+    fn segments(&self) -> impl Iterator<Item = &'static str> {
+        let has_thorax = self.has_thorax;
+        SegmentScales::NAMES.into_iter().filter(move |name| has_thorax || *name != "abdomen")
     }
 
     /// The diver with hinges, which `argument` must be.
@@ -127,7 +136,7 @@ impl Diver {
     /// The angles of the joints by their names, which are those of `dof_names` beside the root's; of a ball three, one after the other.
     ///
     /// A ball at a hip has ``right_hip``, its flexion, then ``right_hip_abduction`` sideways and ``right_hip_rotation`` inwards, one at a shoulder those of
-    /// the spatial diver, the waist ``pelvis_twist``, ``pelvis_bend`` and ``pelvis_lean``, the neck ``neck``, ``neck_lean`` and ``neck_turn``. Of the two triples
+    /// the spatial diver, the waist ``pelvis_twist``, ``pelvis_bend`` and ``pelvis_lean``, below a thorax ``abdomen_bend`` and ``abdomen_lean``, the neck ``neck``, ``neck_lean`` and ``neck_turn``. Of the two triples
     /// that make a rotation that one is given which people reach. Where the second is ±90° the third is taken as zero.
     ///
     /// Parameters
@@ -204,15 +213,15 @@ impl Diver {
         let mut segments = known;
         let mut given: HashMap<&str, Vector3<f64>> = HashMap::new();
         for (name, size) in sizes_of(scales)? {
-            let Some(of_this) = known.of(&name) else {
+            let segment = self.segments().find(|segment| name.ends_with(segment));
+            let Some(of_this) = known.of(&name).filter(|_| segment.is_some()) else {
                 // frames between the axes of a joint have no size
                 if self.model.get().model.body(&name).is_ok() {
                     continue;
                 }
-                let names = SegmentScales::NAMES.join(", ");
+                let names = self.segments().collect::<Vec<_>>().join(", ");
                 return Err(Error::input(format!("`scales` must name segments, {names}, found '{name}'")));
             };
-            let segment = SegmentScales::NAMES.into_iter().find(|segment| name.ends_with(segment));
             let other = segment.and_then(|segment| given.insert(segment, size));
             if other.is_some_and(|other| (other - size).amax() > 1e-9 * size.amax()) {
                 return Err(Error::input(format!(
@@ -222,14 +231,14 @@ impl Diver {
             let of_standing = standing(self.diver.dimension, size.into());
             segments = segments.with(&name, [0, 1, 2].map(|k| of_this[k] * of_standing[k]))?;
         }
-        Self::made(py, models::Diver { segments, ..self.diver }, self.has_balls)
+        Self::made(py, models::Diver { segments, ..self.diver }, self.has_balls, self.has_thorax)
     }
 
     /// dict of str to tuple of float: Sizes of the segments, along the axes of their bodies, over those that follow from the height.
     #[getter]
     fn segment_scales<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let found = PyDict::new(py);
-        for name in SegmentScales::NAMES {
+        for name in self.segments() {
             let size = self.diver.segments.of(name).unwrap_or([1.0; 3]);
             found.set_item(name, <(f64, f64, f64)>::from(standing(self.diver.dimension, size)))?;
         }
@@ -239,6 +248,7 @@ impl Diver {
     fn __repr__(&self) -> String {
         let kind = match self.diver.dimension {
             Dimension::Planar => "planar",
+            Dimension::Spatial if self.has_thorax => "ball-jointed with a thorax",
             Dimension::Spatial if self.has_balls => "ball-jointed",
             Dimension::Spatial => "spatial",
         };
@@ -246,15 +256,16 @@ impl Diver {
     }
 
     fn __reduce__<'py>(slf: &Bound<'py, Self>) -> Pickled<'py> {
-        let Self { diver, has_balls, .. } = slf.get();
+        let Self { diver, has_balls, has_thorax, .. } = slf.get();
         let planar = diver.dimension == Dimension::Planar;
         let segments: Vec<_> = SegmentScales::NAMES.iter().map(|name| diver.segments.of(name)).collect();
-        by_restore(slf, (planar, diver.mass, diver.height, diver.gravity, segments, *has_balls))
+        let models::Diver { mass, height, gravity, .. } = *diver;
+        by_restore(slf, (planar, mass, height, gravity, segments, *has_balls, *has_thorax))
     }
 
-    /// A pickled diver; those of files before there were sizes of segments and balls have neither.
+    /// A pickled diver; those of files before there were sizes of segments, balls and thoraxes have none.
     #[classmethod]
-    #[pyo3(signature = (planar, mass, height, gravity, segments=vec![], has_balls=false))]
+    #[pyo3(signature = (planar, mass, height, gravity, segments=vec![], has_balls=false, has_thorax=false))]
     fn _restore(
         _: &Bound<'_, PyType>,
         py: Python<'_>,
@@ -264,6 +275,7 @@ impl Diver {
         gravity: f64,
         segments: Vec<[f64; 3]>,
         has_balls: bool,
+        has_thorax: bool,
     ) -> Result<Self, Error> {
         let mut scales = SegmentScales::default();
         for (name, scale) in SegmentScales::NAMES.into_iter().zip(segments) {
@@ -271,7 +283,7 @@ impl Diver {
         }
         let diver = if planar { models::Diver::planar() } else { models::Diver::spatial() };
         let segments = scales;
-        Self::made(py, models::Diver { mass, height, gravity, segments, ..diver }, has_balls)
+        Self::made(py, models::Diver { mass, height, gravity, segments, ..diver }, has_balls, has_thorax)
     }
 }
 
@@ -396,7 +408,7 @@ functions! {
 
     /// The spatial diver with balls at waist, neck, hips and shoulders, with 34 degrees of freedom: for recordings of people, whose legs spread and turn.
     ///
-    /// Bodies, masses and the other joints are those of `diver_spatial`. Balls have no limits. Optimal dives, eigenpostures and what-ifs need hinges.
+    /// Bodies, masses and the other joints are those of `diver_spatial`. Balls have no limits. Optimal dives and eigenpostures need hinges.
     ///
     /// Parameters
     /// ----------
@@ -404,6 +416,10 @@ functions! {
     ///     Mass, kg, and stature, m.
     /// gravity : float, optional
     ///     Acceleration along −z, m/s².
+    /// thorax : bool, optional
+    ///     Whether the trunk bends and leans at the tip of the breastbone too, by two hinges: 36 degrees of freedom. The body ``'torso'`` then is the thorax
+    ///     alone, with head and arms, and the body ``'abdomen'`` is between it and the pelvis. At q = 0 all points are where they are without. For markers
+    ///     on thorax and pelvis, as of Plug-in Gait.
     ///
     /// Returns
     /// -------
@@ -419,8 +435,14 @@ functions! {
     /// >>> angles = diver.angles(diver.configuration("F"))
     /// >>> (np.degrees([angles["right_hip"], angles["right_hip_abduction"]]).round(6) + 0.0).tolist()
     /// [125.0, 0.0]
-    #[pyo3(signature = (mass=65.0, height=1.7, gravity=9.81))]
-    fn diver_ball_jointed(py: Python<'_>, mass: f64, height: f64, gravity: f64) -> Result<Diver, Error> {
-        Diver::made(py, models::Diver { mass, height, gravity, ..models::Diver::spatial() }, true)
+    #[pyo3(signature = (mass=65.0, height=1.7, gravity=9.81, *, thorax=false))]
+    fn diver_ball_jointed(
+        py: Python<'_>,
+        mass: f64,
+        height: f64,
+        gravity: f64,
+        thorax: bool,
+    ) -> Result<Diver, Error> {
+        Diver::made(py, models::Diver { mass, height, gravity, ..models::Diver::spatial() }, true, thorax)
     }
 }
