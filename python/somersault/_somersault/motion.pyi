@@ -635,7 +635,13 @@ class ReconstructedFlight:
     def status(
         self,
     ) -> Literal[
-        "converged", "iteration_limit", "no_progress", "undetermined", "misfit", "not_confirmed"
+        "converged",
+        "iteration_limit",
+        "no_progress",
+        "undetermined",
+        "misfit",
+        "not_confirmed",
+        "not_in_flight",
     ]: ...
     @property
     def success(self) -> bool: ...

@@ -12,7 +12,7 @@ use somersault_core::argument::{ArgumentError, expect_not_negative, expect_range
 use somersault_core::cancel::CancellationToken;
 use somersault_core::roots::bracket;
 use somersault_multibody::Model;
-use somersault_multibody::flight::{FlightChange, JointCurves, KnownFlight, TakeOff};
+use somersault_multibody::flight::{FlightChange, HeldPosture, JointCurves, KnownFlight, TakeOff};
 use std::f64::consts::PI;
 
 /// What a diver can do about an entry.
@@ -320,7 +320,7 @@ impl WhatIfFlight<'_> {
     }
 
     /// Standard deviations of the changes of the angle at the entry by opening, posture and momentum: of flights with momentum and joints displaced by
-    /// a standard deviation to either side along each principal axis of their covariances.
+    /// a standard deviation to either side along each principal axis of their covariances, and with the direction in which a tuck is tighter.
     fn slope_deviations(
         &self,
         model: &Model,
@@ -329,15 +329,15 @@ impl WhatIfFlight<'_> {
     ) -> Result<[f64; 3], AdviceError> {
         let own = *self.known.take_off();
         let mut variances = [0.0; 3];
-        let mut add = |flights: [(TakeOff, JointCurves); 2]| -> Result<(), AdviceError> {
+        let held = self.known.held();
+        let mut add = |flights: [(TakeOff, JointCurves, HeldPosture); 2]| -> Result<(), AdviceError> {
             if token.is_cancelled() {
                 return Err(AdviceError::Interrupted);
             }
             let mut found = [[0.0; 3]; 2];
-            for (out, (take_off, curves)) in found.iter_mut().zip(flights) {
+            for (out, (take_off, curves, held)) in found.iter_mut().zip(flights) {
                 let at = model.joint(0).map_or(0..0, |joint| joint.kind().orientation());
                 let orientation = &flight.frames[0].q[at];
-                let held = self.known.held().clone();
                 let known = KnownFlight::try_new(model, take_off, orientation, curves, held)?;
                 let slopes = self.slopes(&known.fly(&FlightChange::default())?)?;
                 *out = slopes.map(|slope| slope.entry_angle);
@@ -357,16 +357,27 @@ impl WhatIfFlight<'_> {
         for (value, axis) in parts.eigenvalues.iter().zip(parts.eigenvectors.column_iter()) {
             let step: Vector3<f64> = axis * standard_deviation(*value);
             if step.norm() > 1e-9 * own.angular_momentum.norm() {
-                let moved =
-                    |step: Vector3<f64>| TakeOff { angular_momentum: own.angular_momentum + step, ..own };
-                add([(moved(step), self.curves.clone()), (moved(-step), self.curves.clone())])?;
+                add([step, -step].map(|step| {
+                    let moved = TakeOff { angular_momentum: own.angular_momentum + step, ..own };
+                    (moved, self.curves.clone(), held.clone())
+                }))?;
             }
         }
         // joints, as far from where they are in all frames
         let n_root = model.velocities_of(0).len();
         for step in flight.frames[flight.frames.len() / 2].joint_displacements(n_root) {
             let back: Vec<f64> = step.iter().map(|x| -x).collect();
-            add([(own, self.curves.displaced(&step)?), (own, self.curves.displaced(&back)?)])?;
+            let [more, less] = [self.curves.displaced(&step)?, self.curves.displaced(&back)?];
+            add([(own, more, held.clone()), (own, less, held.clone())])?;
+        }
+        // a direction that was given is as it is
+        let found = self.folded.as_ref().filter(|folded| folded.direction == held.direction);
+        if let Some(folded) = found.filter(|folded| folded.spread.iter().any(|x| *x != 0.0)) {
+            add([1.0, -1.0].map(|sign| {
+                let along = folded.direction.iter().zip(&folded.spread);
+                let direction = along.map(|(x, by)| x + sign * by).collect();
+                (own, self.curves.clone(), HeldPosture { direction, ..held.clone() })
+            }))?;
         }
         Ok(variances.map(f64::sqrt))
     }

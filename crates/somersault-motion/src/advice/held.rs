@@ -14,6 +14,8 @@ pub struct FoldedPhase {
     /// How each joint after the root's moves where the posture is tighter: the joint that is farthest from the closed pike, or from the
     /// tuck, by 1.
     pub direction: Vec<f64>,
+    /// By how much `direction` is more where the proportion of hips and knees is one standard deviation more than it is found to be.
+    pub spread: Vec<f64>,
     /// How far that joint is from it, rad; not positive where the posture is as tight.
     pub reach: f64,
     /// Whether that joint is the knee.
@@ -59,18 +61,17 @@ impl FoldedPhase {
             return Ok(None);
         }
         let times = [begins, held, left, ends].map(|i| flight.frames[i].time);
-        let (direction, reach, by_knees) = tighter(model, landmarks, &angles, &flight.frames[closest].q)?;
-        Ok(Some(Self { times, direction, reach, by_knees }))
+        Ok(Some(Self { times, ..tighter(model, landmarks, &angles, &flight.frames[closest].q)? }))
     }
 }
 
-/// How joints move where the posture is tighter, by how much the first of them can, and whether that is the knee.
+/// How joints move where the posture is tighter, by how much the first of them can, and whether that is the knee; without times.
 fn tighter(
     model: &Model,
     landmarks: &Landmarks,
     angles: &Angles,
     q: &[f64],
-) -> Result<(Vec<f64>, f64, bool), DynamicsError> {
+) -> Result<FoldedPhase, DynamicsError> {
     let [hip, knee] = angles.least();
     let is_tuck = knee < KNEE;
     let [closed_hip, closed_knee] = if is_tuck { TUCK } else { PIKE };
@@ -79,6 +80,16 @@ fn tighter(
     let most = apart[0].max(apart[1]);
     let n_root = model.velocities_of(0).len();
     let mut direction = vec![0.0; model.n_velocities() - n_root];
+    let mut spread = direction.clone();
+    // the joint that leads moves by 1, whatever the angles are
+    let follows = usize::from(!by_knees);
+    let of_proportion = if is_tuck && most > 0.0 {
+        let [of_hip, of_knee] = angles.deviations;
+        let [leading, following] = if by_knees { [of_knee, of_hip] } else { [of_hip, of_knee] };
+        following.hypot(leading * apart[follows] / most) / most
+    } else {
+        0.0
+    };
     let mut reach = most;
     let mut data = Data::new(model);
     for (k, bodies) in landmarks.hips_and_knees().into_iter().enumerate() {
@@ -105,6 +116,7 @@ fn tighter(
             }
             for (sense, dof) in sense.iter().zip(dofs) {
                 direction[dof - n_root] = sense * weight;
+                spread[dof - n_root] = if k == follows { sense * of_proportion } else { 0.0 };
             }
             // joints have limits of their own
             if let (Some([lower, upper]), true) = (model.limits(*body), weight > 0.0) {
@@ -114,7 +126,7 @@ fn tighter(
             }
         }
     }
-    Ok((direction, reach, by_knees))
+    Ok(FoldedPhase { times: [f64::NAN; 4], direction, spread, reach, by_knees })
 }
 
 #[cfg(test)]

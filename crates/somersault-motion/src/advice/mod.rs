@@ -21,7 +21,8 @@
 //! x = −e/s,   σ_x² = (σ_e/s)² + (x σ_s/s)²
 //! ```
 //! e is the angle at the entry with its standard deviation, s its change for the unit of x. σ_s follows from flights flown again with the momentum, and
-//! with the joints, displaced by a standard deviation along each principal axis of their covariance. Advice whose interval spans
+//! with the joints, displaced by a standard deviation along each principal axis of their covariance, and, where a tuck is tighter by hips and knees, with another
+//! proportion of both. Advice whose interval spans
 //! zero is withheld, as is what covers less than a twentieth within reach; so is all advice where the reconstruction is no success, gravity is another or no number of somersaults is sure.
 //!
 //! **Within reach**: a posture is left no later than so that the body is straight for a while before the entry ([`Reach`]), is no tighter than the

@@ -58,7 +58,7 @@ pub(crate) struct Angles {
     pub(crate) hip: Vec<f64>,
     pub(crate) knee: Vec<f64>,
     /// Of both in the frame in which the hip is closed most.
-    pub(super) deviations: [f64; 2],
+    pub(crate) deviations: [f64; 2],
 }
 
 impl Angles {

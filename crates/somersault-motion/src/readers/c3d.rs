@@ -21,7 +21,7 @@ mod extras;
 mod layout;
 mod parameters;
 
-use super::{Choices, Format, Parsed, Place, ReadError, Recording, Repairs, unexpected};
+use super::{Choices, Format, Parsed, Place, ReadError, Recording, Repairs, distinct, unexpected};
 use crate::recording::{Axis, Convention, LengthUnit, MarkerRecording};
 pub use contradiction::{Contradiction, Decision};
 pub use extras::{Event, ForcePlate, channels, events, force_plates};
@@ -131,15 +131,18 @@ fn points(
     }
     let processor = parameters.processor;
     let unit = match parameters.text("POINT", "UNITS") {
-        Some((_, name)) if name.is_empty() => options.convention.unit(),
-        Some((place, name)) => {
+        Some((place, name)) if !name.is_empty() => {
             let known = LengthUnit::from_name(&name).or_else(|| LengthUnit::from_cut_name(&name));
             known.ok_or_else(|| unexpected(place, &name, LengthUnit::NAMES))?
         }
-        None => options.convention.unit(),
+        _ => {
+            let unit = options.convention.unit();
+            repairs.decide(Place::Byte(0), format!("no unit is declared, {} is taken", unit.symbol()));
+            unit
+        }
     };
     let convention = options.convention.with_unit(unit);
-    let names = names(parameters, layout.n_points);
+    let names = names(parameters, layout.n_points, repairs)?;
     let mut points = Vec::with_capacity(layout.n_points * layout.n_frames);
     let width = if layout.scale > 0.0 { 8 } else { 16 };
     for i in 0..layout.n_frames {
@@ -201,21 +204,20 @@ fn point(
     }
 }
 
-/// A name for each point: labels that are blank or repeat others are replaced by numbers, with primes where a
-/// label looks like one.
-fn names(parameters: &Parameters, n_points: usize) -> Vec<String> {
-    let labels = parameters.many_texts("POINT", "LABELS", n_points);
-    let mut seen = std::collections::HashSet::new();
-    (0..n_points)
-        .map(|k| match labels.get(k) {
-            Some(label) if !label.is_empty() && seen.insert(label.clone()) => label.clone(),
-            _ => {
-                let mut name = format!("point {}", k + 1);
-                while !seen.insert(name.clone()) {
-                    name.push('\'');
-                }
-                name
-            }
-        })
-        .collect()
+/// A name for each point. Of points without a label nothing is wrong: they are numbered.
+fn names(parameters: &Parameters, n_points: usize, repairs: &mut Repairs) -> Result<Vec<String>, ReadError> {
+    let mut labels = parameters.many_texts("POINT", "LABELS", n_points);
+    labels.resize(n_points, String::new());
+    let used: std::collections::HashSet<String> = labels.iter().cloned().collect();
+    let unnamed = labels.iter().filter(|label| label.is_empty()).count();
+    if unnamed > 0 {
+        repairs.decide(Place::Byte(0), format!("points without a label are numbered: {unnamed}"));
+    }
+    for (k, label) in labels.iter_mut().enumerate().filter(|(_, label)| label.is_empty()) {
+        *label = format!("point {}", k + 1);
+        while used.contains(label) {
+            label.push('\'');
+        }
+    }
+    distinct(labels, "point", Place::Byte(0), repairs)
 }

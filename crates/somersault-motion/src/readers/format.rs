@@ -155,21 +155,34 @@ impl Format {
             let found = (self.parse)(bytes, &Choices { convention, given: *given }, &mut repairs)?;
             Ok::<_, ReadError>((found, repairs))
         };
-        let (Parsed { recording, convention }, repairs) = read(options)?;
+        let (Parsed { recording, convention }, mut repairs) = read(options)?;
         if let (Recording::Markers(markers), Some(usual), false, None) =
             (&recording, convention, options.strict, options.up)
-            && let Some((up, reason)) = upright(markers, &usual)
-            && up != usual.up()
         {
-            let open = |axis: &Axis| axis.number() != up.number();
-            let forward = [usual.forward(), Axis::PlusX, Axis::PlusY].into_iter().find(open);
-            if options.forward.as_ref().is_none_or(open) {
-                let given = ReadOptions { up: Some(up), forward: options.forward.or(forward), ..*options };
-                let (Parsed { recording, .. }, mut repairs) = read(&given)?;
-                let usual = usual.up();
-                let what = format!("{up} is taken to be up, since {reason}, and not {usual}; `up` decides");
-                repairs.decide(Place::Byte(0), what);
-                return Ok(RecordingFile { recording, repairs: repairs.into_list() });
+            let shown = upright(markers, &usual);
+            let usual_up = usual.up();
+            match shown {
+                Some((up, reason)) if up != usual_up => {
+                    let open = |axis: &Axis| axis.number() != up.number();
+                    let forward = [usual.forward(), Axis::PlusX, Axis::PlusY].into_iter().find(open);
+                    if options.forward.as_ref().is_none_or(open) {
+                        let forward = options.forward.or(forward);
+                        let given = ReadOptions { up: Some(up), forward, ..*options };
+                        let (Parsed { recording, .. }, mut repairs) = read(&given)?;
+                        let what = format!(
+                            "{up} is taken to be up, since {reason}, and not {usual_up}; `up` decides"
+                        );
+                        repairs.decide(Place::Byte(0), what);
+                        return Ok(RecordingFile { recording, repairs: repairs.into_list() });
+                    }
+                }
+                Some(_) => {}
+                None => repairs.decide(
+                    Place::Byte(0),
+                    format!(
+                        "{usual_up} is taken to be up, as is usual: the markers do not show it; `up` decides"
+                    ),
+                ),
             }
         }
         Ok(RecordingFile { recording, repairs: repairs.into_list() })

@@ -14,8 +14,8 @@
 //! Cells are separated by tabs, or by blanks where there is no tab. `nRows` and `nColumns`, or `datarows` and `datacolumns` of SIMM,
 //! must be those of what follows, where they are declared. Keys that no program is known to write are listed as decisions. Of the other
 //! lines of the header one counts, `inDegrees`: with `yes`, columns that are angles are converted to radians, and
-//! [`in_degrees`](Columns::in_degrees) names them. OpenSim decides by its model which these are; here they are all columns but those whose names say something else: translations (`_tx`, `_ty`, `_tz`), forces, points, torques, activations, lengths
-//! and the like. Vectors of a column (`DataType=Vec3`, `Quaternion`, …) become columns with the endings `_1`, `_2`, ….
+//! [`in_degrees`](Columns::in_degrees) names them. OpenSim decides by its model which these are; here they are all columns but those whose names say something else: translations (`_tx`, `_ty`, `_tz`, also before a side, `tib_tx_r`), forces, points, torques, activations, lengths
+//! and the like. Columns that end in `_x`, `_y` or `_z` are positions, but those of rotations (`thorax_rot_x`, SIMM's `r1_z`). Columns that are left as they are are listed too. Vectors of a column (`DataType=Vec3`, `Quaternion`, …) become columns with the endings `_1`, `_2`, ….
 //!
 //! Source: *OpenSim documentation*, Storage (.sto) and Motion (.mot) files, and `FileAdapter`s of opensim-core 4.5.
 
@@ -35,11 +35,15 @@ pub const FORMAT: Format = Format {
     parse: |bytes, _, repairs| {
         let text = decoded(bytes, repairs)?;
         let found = read_repaired(&text, repairs)?;
+        let names = |names: &[String]| super::shorten(&names.join(", "), LISTED);
         if !found.in_degrees.is_empty() {
-            let names = super::shorten(&found.in_degrees.join(", "), 120);
-            let what =
-                format!("{} columns are converted from degrees to radians: {names}", found.in_degrees.len());
-            repairs.decide(found.place, what);
+            let (n, names) = (found.in_degrees.len(), names(&found.in_degrees));
+            repairs
+                .decide(found.place, format!("{n} columns are converted from degrees to radians: {names}"));
+        }
+        if !found.not_in_degrees.is_empty() {
+            let (n, names) = (found.not_in_degrees.len(), names(&found.not_in_degrees));
+            repairs.decide(found.place, format!("{n} columns are no angles by their names: {names}"));
         }
         Ok(super::Recording::Channels(found.recording).into())
     },
@@ -52,9 +56,14 @@ pub struct Columns {
     pub recording: ChannelRecording,
     /// Names of those that were in degrees.
     pub in_degrees: Vec<String>,
+    /// Names of the others, in a file whose angles are in degrees.
+    pub not_in_degrees: Vec<String>,
     /// Where the file says that they are.
     place: Place,
 }
+
+/// Most characters of names in a decision.
+const LISTED: usize = 1000;
 
 /// Whether a line ends the header.
 fn is_end(line: &str) -> bool {
@@ -71,7 +80,12 @@ pub fn is_angle(name: &str) -> bool {
         None => (name.as_str(), ""),
     };
     let stem = owner.strip_suffix("_u").or_else(|| owner.strip_suffix("_speed")).unwrap_or(owner);
-    const ENDINGS: [&str; 11] = ["_tx", "_ty", "_tz", "_vx", "_vy", "_vz", "_px", "_py", "_pz", "_dx", "_dy"];
+    let mut words: Vec<&str> = stem.split(['_', '.', ' ']).collect();
+    while words.len() > 1 && words.last().is_some_and(|word| ["r", "l", "right", "left"].contains(word)) {
+        words.pop();
+    }
+    let last = words.pop().unwrap_or_default();
+    let axis = last.strip_suffix(['x', 'y', 'z']);
     const OTHERS: [&str; 15] = [
         "force",
         "torque",
@@ -89,9 +103,11 @@ pub fn is_angle(name: &str) -> bool {
         "pressure",
         "trans",
     ];
-    let translates = ENDINGS.iter().any(|ending| stem.ends_with(ending)) || ["x", "y", "z"].contains(&stem);
-    // positions of bodies and of centres of mass, with their angles `_Ox`, `_Oy` and `_Oz`
-    let position = ["_x", "_y", "_z"].iter().any(|ending| stem.ends_with(ending));
+    let translates = axis.is_some_and(|kind| ["t", "v", "p", "d"].contains(&kind));
+    // positions of bodies and of centres of mass, with their angles `_Ox`, `_Oy` and `_Oz`; but SIMM's rotations are r1, r2, …
+    let numbered = |word: &str| word.strip_prefix('r').is_some_and(|n| n.parse::<u32>().is_ok());
+    let turns = words.last().is_some_and(|word| word.starts_with("rot") || numbered(word));
+    let position = axis == Some("") && !turns;
     let other = |word: &&str| owner.contains(*word) && (quantity.is_empty() || *word == "trans");
     !(translates || position || OTHERS.iter().any(other))
 }
@@ -281,8 +297,12 @@ pub fn read_repaired(text: &str, repairs: &mut Repairs) -> Result<Columns, ReadE
     for row in values.chunks_exact_mut((n * width).max(1)) {
         row.iter_mut().zip(&angles).filter(|(_, angle)| **angle).for_each(|(x, _)| *x = x.to_radians());
     }
-    let in_degrees = labels.iter().zip(&angles).filter(|(_, angle)| **angle).map(|(name, _)| name.clone());
-    let in_degrees = in_degrees.collect();
+    let named = |is_angle: bool| -> Vec<String> {
+        let of = labels.iter().zip(&angles).filter(|(_, angle)| **angle == is_angle && width == 1);
+        of.map(|(name, _)| name.clone()).collect()
+    };
+    let in_degrees = named(true);
+    let not_in_degrees = if header.degrees.is_some() { named(false) } else { Vec::new() };
     let names: Vec<String> = match width {
         1 => labels,
         _ => labels.iter().flat_map(|name| (1..=width).map(move |k| format!("{name}_{k}"))).collect(),
@@ -294,7 +314,7 @@ pub fn read_repaired(text: &str, repairs: &mut Repairs) -> Result<Columns, ReadE
     let recording = ChannelRecording::try_new(names, times, values)
         .and_then(|recording| recording.with_units(units))
         .map_err(|error| ReadError::recording(error, head, |frame| places.get(frame).copied()))?;
-    Ok(Columns { recording, in_degrees, place: header.degrees.unwrap_or(head) })
+    Ok(Columns { recording, in_degrees, not_in_degrees, place: header.degrees.unwrap_or(head) })
 }
 
 /// Cells of a line, at a character or at blanks.

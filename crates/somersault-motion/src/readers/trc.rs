@@ -304,6 +304,15 @@ impl Columns {
         let n_data = widest.saturating_sub(first).div_ceil(3);
         let full = |line: &str| separator.cells(line).iter().filter(|cell| !cell.is_empty()).count();
         let in_runs = n_data > n_named && data.iter().all(|(_, line)| full(line) == 2 + 3 * n_named);
+        // rows may lack markers at their ends; but where none is whole and all end within a point, cells are something else
+        let per_marker = |line: &str| full(line) == 2 + n_named && n_named > 1;
+        let within = |line: &str| width(line).saturating_sub(first) % 3 != 0;
+        let is_cut = data.iter().all(|(_, line)| width(line) < first + 3 * n_named);
+        let all = |holds: &dyn Fn(&str) -> bool| data.iter().all(|(_, line)| holds(line));
+        if is_cut && (all(&per_marker) || all(&within)) {
+            let allowed = format!("{} cells for {n_named} markers", first + 3 * n_named);
+            return Err(unexpected(Place::Line(data[0].0), &format!("{} cells", width(data[0].1)), allowed));
+        }
         let n = if in_runs || repairs.are_refused() { n_named } else { n_named.max(n_data) };
         let mut names = vec![String::new(); n];
         for (k, (column, name)) in found.iter().enumerate() {

@@ -8,8 +8,9 @@
 use crate::recording::{Axis, Convention, MarkerRecording};
 use nalgebra::Vector3;
 
-const HIGH: [&str; 9] = ["head", "hd", "nose", "neck", "acrom", "shoulder", "sho", "c7", "clav"];
-const LOW: [&str; 7] = ["toe", "heel", "ankle", "foot", "calc", "mt1", "mt5"];
+const HIGH: [&str; 11] =
+    ["head", "hd", "nose", "neck", "acrom", "shoulder", "sho", "c7", "clav", "tete", "stern"];
+const LOW: [&str; 9] = ["toe", "heel", "ankle", "foot", "calc", "mt1", "mt5", "mall", "mtp"];
 /// The least mean length of these vectors, m: who sits or leans has the head in front of the feet.
 const TALL: f64 = 0.8;
 /// The part of the mean length that must be left, along the axis, in the mean of the vectors.

@@ -26,17 +26,20 @@ pub enum ReconstructionStatus {
     Misfit,
     /// The full equations of motion lead elsewhere.
     NotConfirmed,
+    /// No stretch of the recording falls with gravity, and the laws of flight lead far from the markers: the search was ended early, and its numbers mean nothing.
+    NotInFlight,
 }
 
 impl ReconstructionStatus {
     /// All there are, and their names.
-    pub const ALL: [(Self, &'static str); 6] = [
+    pub const ALL: [(Self, &'static str); 7] = [
         (Self::Converged, "converged"),
         (Self::IterationLimit, "iteration_limit"),
         (Self::NoProgress, "no_progress"),
         (Self::Undetermined, "undetermined"),
         (Self::Misfit, "misfit"),
         (Self::NotConfirmed, "not_confirmed"),
+        (Self::NotInFlight, "not_in_flight"),
     ];
 }
 
@@ -319,7 +322,9 @@ impl ReconstructedFlight {
         let exchanges = self.exchanges.iter().map(|Exchange { markers: [a, b], start, end, n_frames }| {
             format!("; `{a}` and `{b}` were exchanged in {n_frames} frames from {start:.2} to {end:.2} s and put right")
         });
-        let limits = self.beyond_limits.iter().map(BeyondLimit::note);
+        // what was not fitted to the end has no limits
+        let limits = self.beyond_limits.iter().filter(|_| self.status != ReconstructionStatus::NotInFlight);
+        let limits = limits.map(BeyondLimit::note);
         let notes: String = exchanges.chain(limits).collect();
         self.outcome() + &notes
     }
@@ -353,6 +358,9 @@ impl ReconstructedFlight {
                     reasons.push("joints are far beyond their limits, or markers are exchanged and could not be put right: the body or the names of the markers are others".to_owned());
                 }
                 reasons.join("; ")
+            }
+            (ReconstructionStatus::NotInFlight, _) => {
+                "no stretch of the recording falls with gravity, and the laws of flight lead far from the markers: the body is on the ground, or noise, rate or unit are other than they seem".to_owned()
             }
             (ReconstructionStatus::NotConfirmed, _) => format!(
                 "the full equations of motion lead to orientations that are up to {:.1e} rad away",

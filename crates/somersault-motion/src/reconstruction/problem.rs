@@ -20,7 +20,7 @@ use crate::frame_fits::{
 };
 use crate::noise::MarkerNoise;
 use crate::noise::standard_deviation;
-use crate::phases::{FlightPhase, find_flight};
+use crate::phases::{FlightPhase, PhaseStatus, find_flight};
 use crate::recording::MarkerRecording;
 use faer::Mat;
 use nalgebra::{DMatrix, Vector3};
@@ -148,8 +148,10 @@ impl FlightReconstruction {
     ) -> Result<ReconstructedFlight, ReconstructionError> {
         let recording = self.part(recording)?;
         let fits = FrameFits::try_new(&self.model, &self.markers, self.options.scale, &recording, token)?;
-        let phase =
-            if self.options.interval.is_none() { self.phase(&fits, recording.times())? } else { None };
+        let seen = self.phase(&fits, recording.times());
+        // heights that are too few to look for a flight in do not say that there is none
+        let doubtful = matches!(&seen, Ok(Some(FlightPhase { status: PhaseStatus::NotFound, .. })));
+        let phase = if self.options.interval.is_none() { seen? } else { None };
         let frames = self.frames_of(phase.as_ref(), recording.times());
         let (recording, mut fits) = (recording.part(frames.clone())?, fits.part(frames));
         let times = recording.times().to_vec();
@@ -173,9 +175,13 @@ impl FlightReconstruction {
         let mut references = REFERENCES.to_vec();
         let mut round = 0;
         loop {
+            let n_intervals = n_intervals as usize;
             let Begun { mut flight, noise, reference } =
-                self.flight_of(&fits, &repaired, n_intervals as usize, &references, token)?;
+                self.flight_of(&fits, &repaired, n_intervals, &references, doubtful, token)?;
             flight.phase.clone_from(&phase);
+            if flight.status == ReconstructionStatus::NotInFlight {
+                return Ok(flight);
+            }
             // what the first round learns of references holds for the others: without it what is no flight takes twice as long
             references = vec![reference];
             let sought = |left: f64| exchanged(&self.model, &self.markers, &flight, &recording, noise, left);
@@ -212,6 +218,7 @@ impl FlightReconstruction {
         recording: &MarkerRecording,
         n_intervals: usize,
         references: &[f64],
+        doubtful: bool,
         token: &CancellationToken,
     ) -> Result<Begun, ReconstructionError> {
         let times = recording.times();
@@ -223,15 +230,16 @@ impl FlightReconstruction {
             let frame = fits.reference(times, reference);
             let (points, weights) = (points.clone(), weights.clone());
             let observed = Observed { times: times.to_vec(), reference: frame, points, weights };
-            let (flight, noise) = self.beginning_at(fits, &observed, n_intervals, token)?;
+            let (flight, noise) = self.beginning_at(fits, &observed, n_intervals, doubtful, token)?;
             let is_minimum = !matches!(
                 flight.status,
                 ReconstructionStatus::IterationLimit | ReconstructionStatus::NoProgress
             );
+            let is_ended = flight.status == ReconstructionStatus::NotInFlight;
             let [lower, upper] = flight.chi_squared_range;
             let fits = flight.chi_squared.is_some_and(|x| (lower..=upper).contains(&x));
             // where residuals are those of the noise, no other start is a remedy
-            if flight.status == ReconstructionStatus::Converged || is_minimum && fits {
+            if flight.status == ReconstructionStatus::Converged || is_ended || is_minimum && fits {
                 return Ok(Begun { flight, noise, reference });
             }
             let misfit = |flight: &ReconstructedFlight| flight.chi_squared.unwrap_or(flight.noise.size);
@@ -291,6 +299,7 @@ impl FlightReconstruction {
         fits: &FrameFits,
         observed: &Observed,
         n_intervals: usize,
+        doubtful: bool,
         token: &CancellationToken,
     ) -> Result<(ReconstructedFlight, Option<f64>), ReconstructionError> {
         let Self { model, markers, options } = self;
@@ -325,8 +334,11 @@ impl FlightReconstruction {
             token,
             iterations: 0,
         };
-        search.grow()?;
-        let status = search.settle(options.noise.is_some(), options.max_iterations)?;
+        let status = if search.grow(doubtful)? {
+            search.settle(options.noise.is_some(), options.max_iterations)?
+        } else {
+            ReconstructionStatus::NotInFlight
+        };
         let noise = search.noise;
         let posterior = search.posterior(&noise)?;
         let flight = self.judge(search, status, posterior, frame_noise)?;

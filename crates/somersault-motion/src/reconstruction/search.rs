@@ -42,6 +42,8 @@ const COARSE: f64 = 0.25;
 const FINE: f64 = 2.5e-3;
 /// Noise of the windows that grow, over that of the end.
 const WIDE: f64 = 3.0;
+/// Squares of a residual over its variance from which on a window is far from the markers: a flight has 1/9 with the noise of the windows.
+const FAR: f64 = 4.0;
 /// Damping at the start and at the end of all hope.
 const DAMPING: [f64; 2] = [1e-3, 1e10];
 /// Rounds in which the sizes of noise and second derivatives are estimated.
@@ -169,8 +171,8 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// From a window about the reference to all frames.
-    pub(super) fn grow(&mut self) -> Result<(), ReconstructionError> {
+    /// From a window about the reference to all frames; whether it got there. Where flight is `doubtful`, it ends at a window that is far from the markers.
+    pub(super) fn grow(&mut self, doubtful: bool) -> Result<bool, ReconstructionError> {
         let times = &self.observed.times;
         let middle = times[self.observed.reference];
         let (first, last) = (times[0], times[times.len() - 1]);
@@ -187,11 +189,22 @@ impl<'a> Search<'a> {
             }
             self.minimize(&frames, &wide, COARSE, SHORT)?;
             known = Some(knots);
+            if doubtful && self.is_far(&frames, &wide)? {
+                return Ok(false);
+            }
             if middle - half <= first && middle + half >= last {
-                return Ok(());
+                return Ok(true);
             }
             half += GROWTH;
         }
+    }
+
+    /// Whether the squares of a window are far from what the noise leaves.
+    fn is_far(&mut self, frames: &Range<usize>, noise: &MarkerNoise) -> Result<bool, ReconstructionError> {
+        let estimate = self.estimate.clone();
+        let at = self.fly(&estimate, frames, None)?;
+        let found = self.normal(&estimate, frames, None, noise, &at);
+        Ok(found.squares > FAR * found.n_measured as f64)
     }
 
     /// Joints beyond the knots of a window continue as they are at its ends.

@@ -98,8 +98,12 @@ fn a_file_is_known_by_what_it_has() {
 
 #[test]
 fn a_trc_of_other_programs_is_read_and_its_repairs_are_said() {
-    let (plain, none) = markers(read(TRC));
-    assert_eq!(none, []);
+    let (plain, repairs) = markers(read(TRC));
+    // hip and knee do not show the vertical
+    let [of_vertical] = &repairs[..] else { panic!("{repairs:?}") };
+    assert!(of_vertical.is_decision && of_vertical.what.starts_with("y is taken to be up, as is usual"));
+    let given = ReadOptions { up: Some(Axis::PlusY), ..ReadOptions::default() };
+    assert_eq!(markers(read_with(TRC.as_bytes(), &given).unwrap()), (plain.clone(), vec![]));
     let same = |text: &str, line, says: &str| {
         let (found, _) = markers(repaired(text, line, says));
         assert_eq!(found, plain, "{says}");
@@ -173,6 +177,18 @@ fn a_trc_of_other_programs_is_read_and_its_repairs_are_said() {
     same(&TRC.replace("\t0.010\t", "\t\t"), 8, "frames without a time");
     let twice = TRC.replace("knee", "hip");
     assert_eq!(markers(repaired(&twice, 4, "markers of the same name")).0.names(), ["hip", "hip 2"]);
+    // a number for each marker, and points that all end within
+    for (row, cells) in [("\t10.5\t900", 4), ("\t10.5\t900\t3\t7", 6)] {
+        let narrow: String = TRC.lines().enumerate().fold(String::new(), |text, (i, line)| {
+            let start: Vec<&str> = line.split('\t').take(2).collect();
+            text + &if i < 6 { format!("{line}\n") } else { format!("{}{row}\n", start.join("\t")) }
+        });
+        let found = read_with(narrow.as_bytes(), &ReadOptions::default()).unwrap_err().to_string();
+        assert!(
+            found.contains(&format!("line 7: found `{cells} cells`, allowed is 8 cells for 2 markers")),
+            "{found}"
+        );
+    }
     // a file that was cut while it was written
     let cut = TRC.trim_end().strip_suffix("\t4").unwrap();
     let (found, _) = markers(repaired(cut, 9, "the last row is incomplete"));
@@ -192,7 +208,8 @@ fn text_of_other_encodings_is_read() {
         ([&[0xef, 0xbb, 0xbf], TRC.as_bytes()].concat(), 0),
         (TRC.replace('\n', "\r").into_bytes(), 0),
     ] {
-        let (found, repairs) = markers(read_with(&bytes, &ReadOptions::default()).unwrap());
+        let given = ReadOptions { up: Some(Axis::PlusY), ..ReadOptions::default() };
+        let (found, repairs) = markers(read_with(&bytes, &given).unwrap());
         assert_eq!((found, repairs.len()), (plain.clone(), n_repairs));
     }
     let mut latin = TRC.replace("knee", "kn@e").into_bytes();
@@ -270,9 +287,10 @@ fn a_mot_is_read_and_degrees_become_radians() {
     let pi = std::f64::consts::PI;
     assert_eq!(found.frame(0), Some(&[0.95, pi / 2.0, pi][..]));
     assert!(found.frame(2).unwrap()[2].is_nan());
-    let [said] = &repairs[..] else { panic!("{repairs:?}") };
+    let [said, left] = &repairs[..] else { panic!("{repairs:?}") };
     assert!(said.is_decision && said.place == Place::Line(5), "{said}");
     assert!(said.what.starts_with("2 columns are converted from degrees to radians: knee_angle_r, "));
+    assert!(left.is_decision && left.what == "1 columns are no angles by their names: pelvis_ty", "{left}");
     let (as_it_is, _) = channels(read(&MOT.replace("inDegrees=yes", "inDegrees=no")));
     assert_eq!(as_it_is.frame(0), Some(&[0.95, 90.0, 180.0][..]));
     assert_eq!(mot::read(MOT).unwrap().recording, found);
@@ -294,6 +312,52 @@ fn a_mot_is_read_and_degrees_become_radians() {
         (found.names(), found.frame(1)),
         (&["hip_1", "hip_2", "hip_3"].map(String::from)[..], Some(&[4.0, 5.0, 6.0][..]))
     );
+}
+
+#[test]
+fn angles_and_translations_of_a_mot_are_told_apart_by_their_names() {
+    // of files of opensim-gui, opensim-models and opensim-core, and of SIMM
+    let angles = [
+        "r1_z",
+        "r1_z_u",
+        "ground_thorax_rot_x",
+        "pelvis_rx_u",
+        "RKnee_rz",
+        "knee_angle_r",
+        "pelvis_tilt",
+        "q1_u",
+        "box_rotX",
+        "hip_flexion_r_speed",
+        "/jointset/hip_r/hip_flexion_r/value",
+        "femur_r_Ox",
+        "sternoclavicular_r1",
+    ];
+    let others = [
+        "tib_tx_r",
+        "tib_ty_r",
+        "pat_tx_r",
+        "knee_tx_l",
+        "/jointset/a/tib_tx_r/value",
+        "pelvis_ty",
+        "pelvis_ty_u",
+        "tx",
+        "ground_torque_r_z",
+        "1_ground_force_vx",
+        "1_ground_force_px",
+        "femur_r_X",
+        "center_of_mass_Y",
+        "box_transX",
+        "sphere1_TransZ_u",
+        "soleus_r_activation",
+        "V.Sacral_tx",
+        "hip_r_z",
+    ];
+    for name in angles {
+        assert!(mot::is_angle(name), "{name}");
+    }
+    for name in others {
+        assert!(!mot::is_angle(name), "{name}");
+    }
 }
 
 #[test]

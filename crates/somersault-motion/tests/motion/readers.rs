@@ -3,7 +3,7 @@
 use crate::files::{BVH, Bytes, C3d, CSV, TRC, joint_motion};
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use somersault_motion::readers::{
-    LoadError, MarkerOptions, Place, ReadError, ReadOptions, Recording, bvh, c3d, csv, format_of,
+    LoadError, MarkerOptions, Place, ReadError, ReadOptions, Recording, Repairs, bvh, c3d, csv, format_of,
     joint_motion, load, read_file, text, trc,
 };
 use somersault_motion::recording::{Axis, Convention, LengthUnit, RecordingError};
@@ -244,13 +244,41 @@ fn points_of_a_c3d_have_names_of_their_own() {
     let mut file = C3d { bytes: Bytes::Intel, float: true, n_frames: 1 }.write();
     let labels = file.windows(6).position(|w| w == b"LHIP  ").unwrap();
     file[labels..labels + 18].copy_from_slice(b"pointspointspoints");
-    let read = |file: &[u8]| c3d::read(file, &c3d::C3dOptions::default()).unwrap();
-    assert_eq!(read(&file).names(), ["points", "point 2", "point 3"]);
+    let read = |file: &[u8]| {
+        let mut repairs = Repairs::allowed();
+        let found = c3d::read_repaired(file, &c3d::C3dOptions::default(), &mut repairs).unwrap();
+        (found.names().to_vec(), repairs.into_list())
+    };
+    // labels of which two are the same need a repair, points without any are numbered
+    let (names, repairs) = read(&file);
+    assert_eq!(names, ["points", "points 2", "points 3"]);
+    assert!(
+        !repairs[0].is_decision && repairs[0].what == "points of the same name are numbered",
+        "{repairs:?}"
+    );
+    let found = c3d::read(&file, &c3d::C3dOptions::default());
+    assert!(
+        matches!(found, Err(ReadError::Recording { source: RecordingError::DuplicateName { .. }, .. })),
+        "{found:?}"
+    );
     // seven characters for each label: the first is what the second would be called
     let dimensions = labels - 2;
     file[dimensions..dimensions + 2].copy_from_slice(&[7, 2]);
     file[labels..labels + 14].copy_from_slice(b"point 2       ");
-    assert_eq!(read(&file).names(), ["point 2", "point 2'", "point 3"]);
+    let (names, repairs) = read(&file);
+    assert_eq!(names, ["point 2", "point 2'", "point 3"]);
+    assert!(
+        repairs[0].is_decision && repairs[0].what == "points without a label are numbered: 2",
+        "{repairs:?}"
+    );
+    // a file without a unit
+    let unit = file.windows(5).position(|w| w == b"UNITS").unwrap();
+    file[unit..unit + 5].copy_from_slice(b"UNIT_");
+    let (_, repairs) = read(&file);
+    assert!(
+        repairs.iter().any(|one| one.is_decision && one.what == "no unit is declared, mm is taken"),
+        "{repairs:?}"
+    );
 }
 
 #[test]

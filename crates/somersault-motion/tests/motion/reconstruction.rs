@@ -697,6 +697,44 @@ fn a_planar_body_that_leaves_its_plane_is_refused() {
     }
 }
 
+#[test]
+fn a_body_on_the_ground_is_refused_early_and_a_flight_in_noise_is_not() {
+    for diver in [Diver::planar(), Diver::spatial()] {
+        let model = diver.model().unwrap();
+        let set = markers(&model);
+        let standing = diver.configuration(Posture::B).unwrap();
+        let times: Vec<f64> = (0..200).map(|i| 0.01 * f64::from(i)).collect();
+        // sways, and bends the knees
+        let at = |t: &f64| {
+            let mut q = standing.clone();
+            q[0] += 0.02 * (3.0 * t).sin();
+            let knees = q.len() - 1;
+            q[knees] += 0.1 * (2.0 * t).sin();
+            q
+        };
+        let q: Vec<Vec<f64>> = times.iter().map(at).collect();
+        let v = vec![vec![0.0; model.n_velocities()]; times.len()];
+        let truth = Truth { times, q, v, momentum: Vector3::zeros(), model };
+        for (noise, share) in [(0.005, 0.0), (0.03, 0.7)] {
+            let seen = record(&truth, &set, noise, share, 0.02, 5);
+            for interval in [None, Some((0.3, 1.7))] {
+                let options = ReconstructionOptions { interval, ..ReconstructionOptions::default() };
+                let flight = reconstruct(&truth, &set, &seen, options);
+                assert_eq!(flight.status, ReconstructionStatus::NotInFlight, "{}", flight.message());
+                assert!(flight.iterations <= 60 && flight.exchanges.is_empty(), "{}", flight.iterations);
+                assert!(flight.message().starts_with("no stretch of the recording falls with gravity"));
+            }
+        }
+    }
+    let truth = dive(&Diver::planar());
+    let set = markers(&truth.model);
+    for noise in [0.03, 0.1, 0.3] {
+        let seen = record(&truth, &set, noise, 0.0, 0.02, 5);
+        let flight = reconstruct(&truth, &set, &seen, ReconstructionOptions::default());
+        assert_ne!(flight.status, ReconstructionStatus::NotInFlight, "{noise}: {:?}", flight.phase);
+    }
+}
+
 /// The recording with these markers exchanged in these frames.
 fn swapped(seen: &MarkerRecording, names: [&str; 2], frames: std::ops::Range<usize>) -> MarkerRecording {
     let [a, b] = names.map(|name| seen.marker(name).unwrap());

@@ -300,7 +300,9 @@ value! {
         iterations: usize = |own| own.flight.iterations;
         /// str: How the search ended and what the checks found: ``'converged'``, ``'iteration_limit'``, ``'no_progress'``,
         /// ``'undetermined'`` where markers determine too little, ``'misfit'`` where the laws of flight do not hold for the
-        /// recording with this model, rate, unit and interval, ``'not_confirmed'`` where the full equations of motion lead elsewhere.
+        /// recording with this model, rate, unit and interval, ``'not_confirmed'`` where the full equations of motion lead elsewhere,
+        /// ``'not_in_flight'`` where no stretch falls with gravity and the laws of flight lead far from the markers: then the search ended early, and its numbers
+        /// mean nothing.
         status: &'static str = |own| name_of(&ReconstructionStatus::ALL, &own.flight.status);
         /// bool: Whether the search converged, the covariance is finite, χ² per degree of freedom is known and within its range, `departures` are
         /// within their limits, and the full equations of motion confirm the flight.

@@ -301,8 +301,8 @@ impl File {
     }
 
     fn person(&mut self, object: &Map<String, Value>) -> Result<Option<Person>, ReadError> {
-        let scores =
-            entry(object, &["keypoint_scores", "scores", "keypoints_scores"]).and_then(Value::as_array);
+        let scores = entry(object, &["keypoint_scores", "scores", "keypoints_scores", "joints_vis"])
+            .and_then(Value::as_array);
         let track = entry(object, &["track_id", "idx"]).and_then(Value::as_u64);
         let own = POINTS.map(|key| (key, if key.ends_with("3d") { 4 } else { 3 }));
         let landmarks = WORLD.iter().chain(&LANDMARKS).map(|key| (*key, 4));
