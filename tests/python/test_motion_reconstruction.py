@@ -100,6 +100,51 @@ def test_pickles_and_pictures_take_it() -> None:
     assert len(plotting.tree_motion(found, ["thigh"]).lines) == 1
 
 
+def correlated(rng: np.random.Generator, like: Any, share: float, size: float) -> Any:
+    """Noise of which a share is correlated over 0.15 s."""
+    slow, kept = rng.normal(size=like.shape), np.exp(-0.02 / 0.15)
+    for i in range(1, len(slow)):
+        slow[i] = kept * slow[i - 1] + np.sqrt(1.0 - kept**2) * slow[i]
+    return size * (np.sqrt(share) * slow + np.sqrt(1.0 - share) * rng.normal(size=like.shape))
+
+
+def velocity_errors(seed: int, noise: float, share: float, **options: Any) -> tuple[float, float, float]:
+    """Errors of the velocity at take-off, and of that of a parabola through the centres of mass; and of g."""
+    rng = np.random.default_rng(seed)
+    fall = 0.5 * 9.81 * np.square(true().t)
+
+    placed = motion.place_markers(MARKERS, true().t, true().q)
+    points = placed.points + correlated(rng, placed.points, share, noise)
+    recording = motion.MarkerRecording(placed.names, placed.times, points)
+    found = motion.reconstruct_flight(MARKERS, recording, scale=1.0, interval=(0.0, 0.8), **options)
+    assert found.status in ("converged", "misfit"), found.message
+    known = DIVER.model.centroidal_momentum(true().q[0], true().v[0])[:3] / DIVER.model.mass
+
+    q = motion.MarkerFit(MARKERS, scale=1.0).fit(recording).q
+    centres = np.array([DIVER.model.center_of_mass(frame) for frame in q])
+    centres[:, 2] += fall
+    line = np.polyfit(true().t, centres, 1)[0]
+    off = (found.take_off_velocity - known, line - known)
+    return float(np.linalg.norm(off[0])), float(np.linalg.norm(off[1])), found.gravity - 1.0
+
+
+def test_the_velocity_at_take_off_is_as_good_as_that_of_a_parabola() -> None:
+    ours, parabola, _ = np.transpose([velocity_errors(seed, 0.03, 0.7) for seed in range(8)])
+    assert np.sqrt(np.mean(np.square(ours))) < 1.05 * np.sqrt(np.mean(np.square(parabola)))
+
+
+@pytest.mark.study
+@pytest.mark.parametrize(("noise", "share"), [(0.03, 0.0), (0.03, 0.7), (0.065, 0.7)])
+def test_velocity_and_gravity_of_many_flights(noise: float, share: float) -> None:
+    ours, parabola, _ = np.transpose([velocity_errors(seed, noise, share) for seed in range(40)])
+    ratio = np.sqrt(np.mean(np.square(ours)) / np.mean(np.square(parabola)))
+    *_, gravity = np.transpose([velocity_errors(seed, noise, share, seek_gravity=True) for seed in range(40)])
+    print(
+        f"velocity over that of a parabola {ratio:.3f}; g off by {100 * np.sqrt(np.mean(gravity**2)):.2f} %"
+    )
+    assert ratio < 1.05
+
+
 def test_gravity_can_be_sought() -> None:
     found = motion.reconstruct_flight(MARKERS, seen(), seek_gravity=True, noise=0.02, scale=1.0)
     assert found.success and abs(found.gravity - 1.0) < 4 * found.gravity_deviation < 0.1
