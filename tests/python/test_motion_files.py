@@ -45,10 +45,11 @@ def test_repairs_are_listed_and_warned_of() -> None:
         stand = motion.read_file(io.StringIO(TRC))
     assert isinstance(stand, motion.MarkerRecording)
     assert stand.present.tolist() == [[True, True], [True, False]]
-    nan, frames = stand.repairs
+    nan, frames, axis = stand.repairs
+    assert axis.is_decision and str(axis).startswith("byte 0: y is taken to be up, as is usual")
     assert (nan.line, nan.count, nan.is_decision, nan.byte) == (7, 1, False, None)
     assert (frames.line, frames.what) == (3, "90 frames are declared, 2 are there")
-    assert sorted(str(warning.message) for warning in said) == sorted(map(str, stand.repairs))
+    assert sorted(str(warning.message) for warning in said) == sorted(map(str, (nan, frames)))
     assert pickle.loads(pickle.dumps(nan)) == nan
     # what is made of a recording has none
     assert stand.select(["Head"]).repairs == []
