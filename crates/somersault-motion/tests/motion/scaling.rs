@@ -55,7 +55,7 @@ impl Person {
         let size = (0.6 * SIZE * normal(&mut random)).exp();
         let mut segments = SegmentScales::default();
         let mut scales = Vec::new();
-        for name in SegmentScales::NAMES {
+        for name in SegmentScales::NAMES.into_iter().filter(|name| *name != "abdomen") {
             let mut draw = || (GROUP * normal(&mut random)).exp();
             let long = draw();
             let has_width = dimension == Dimension::Spatial && ["torso", "pelvis"].contains(&name);
