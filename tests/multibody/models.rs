@@ -250,6 +250,19 @@ fn thorax_and_abdomen_are_those_of_de_leva_and_together_the_torso() {
     let inertia = model.centroidal(&mut data, &q).unwrap().matrix.fixed_columns::<6>(0).into_owned();
     let whole = rigid.centroidal(&mut of_rigid, &p).unwrap().matrix.fixed_columns::<6>(0).into_owned();
     assert!((inertia - &whole).amax() < 1e-5 * whole.amax());
+    // the abdomen bends forwards and leans as the waist does, and the waist makes up for it
+    let turn = UnitQuaternion::new(-Vector3::y() * 0.3) * UnitQuaternion::new(Vector3::x() * -0.2);
+    let mut bent = q.clone();
+    bent[7..9].copy_from_slice(&[0.3, -0.2]);
+    bent[9..13].copy_from_slice(turn.inverse().coords.as_slice());
+    let positions = model.positions(&mut data, &bent).unwrap();
+    let pose = positions.pose(model.body("pelvis").unwrap()).unwrap();
+    let tip = Vector3::new(0.0, 0.0, 0.210425);
+    assert!((pose.rotation - Matrix3::identity()).amax() < 1e-12);
+    assert!((pose.translation - (tip - turn * tip)).norm() < 1e-6 && pose.translation.x > 0.05);
+    let angles = diver.angles(&bent).unwrap();
+    let angle = |name: &str| angles.iter().find(|(known, _)| known == name).unwrap().1[0];
+    assert_eq!([angle("abdomen_bend"), angle("abdomen_lean")], [0.3, -0.2]);
     // of other divers the abdomen is a part of the torso
     let segments = SegmentScales::default().with("abdomen", [1.1; 3]).unwrap();
     let larger = |diver: Diver| Diver { segments, ..diver };
