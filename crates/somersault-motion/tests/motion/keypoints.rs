@@ -391,3 +391,10 @@ fn what_is_sought_and_what_is_there_is_said() {
     let error = refused("[\n  {\n \"a\": 1}\n]");
     assert!(error.contains("found `a list, in it an object with a`"), "{error}");
 }
+
+#[test]
+fn points_that_an_annotation_of_mpii_does_not_see_have_no_weight() {
+    let text = "[{\"image\":\"a.jpg\",\"joints\":[[1,2],[-1,-1],[5,6]],\"joints_vis\":[1,0,1]}]";
+    let (found, _) = keypoints(text, 10.0);
+    assert_eq!((found.n_keypoints(), found.weights()), (3, &[1.0, 0.0, 1.0][..]));
+}
