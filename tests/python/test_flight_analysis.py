@@ -253,17 +253,30 @@ def test_intervals_of_the_entry_hold_the_truth_as_often_as_they_say() -> None:
     assert 0.88 <= within <= 0.99
 
 
-@pytest.mark.study
-def test_intervals_of_advice_are_as_long_as_documented() -> None:
+def scatter(posture: str, fault: str, seeds: range) -> tuple[float, float]:
+    """The standard deviation of the amounts that correct a fault, and half of their intervals."""
     amounts, halves = [], []
-    for seed in range(100, 125):
-        recording, _ = dive("H", 3, "opened early", seed)
+    for seed in seeds:
+        recording, _ = dive(posture, 3, fault, seed)
         known = motion.reconstruct_flight(MARKERS, recording, interval=(0.0, DURATION))
         advice = {one.correction: one for one in motion.advise_flight(known, half_somersaults=3).advice}
-        low, high = advice["open_later"].amount_interval
-        amounts.append(advice["open_later"].amount)
+        one = advice[FAULTS[fault][1]]
+        low, high = one.amount_interval
+        amounts.append(one.amount)
         halves.append(0.5 * (high - low))
-    assert abs(np.std(amounts) - 1.8e-3) < 2e-4 and abs(np.mean(halves) - 5.3e-3) < 3e-4
+    return float(np.std(amounts)), float(np.mean(halves))
+
+
+@pytest.mark.study
+def test_the_interval_of_a_tighter_tuck_is_no_shorter_than_its_scatter() -> None:
+    deviation, half = scatter("F", "loose", range(100, 120))
+    assert 1.96 * deviation < half
+
+
+@pytest.mark.study
+def test_intervals_of_advice_are_as_long_as_documented() -> None:
+    deviation, half = scatter("H", "opened early", range(100, 125))
+    assert abs(deviation - 1.8e-3) < 2e-4 and abs(half - 5.3e-3) < 3e-4
 
 
 def test_a_vertical_entry_has_no_advice() -> None:

@@ -152,7 +152,7 @@ def test_it_is_drawn_in_two_parts_that_make_the_torso() -> None:
     shapes = viewer.figure(DIVER.model)
     assert set(shapes) == {*viewer.figure(RIGID.model), "abdomen"}
     thorax, abdomen, torso = (np.array(rows) for rows in (figures._THORAX, figures._ABDOMEN, figures._TORSO))
-    abdomen[:, 0] += 0.210425
+    abdomen[:, 0] += figures._BREASTBONE
     for z in np.linspace(0.0, 0.38, 39):
         widest = [
             max(np.interp(z, rows[:, 0], rows[:, k], left=0.0, right=0.0) for rows in (thorax, abdomen))

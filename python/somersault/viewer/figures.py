@@ -30,6 +30,8 @@ SKIN, EYES, STEEL, WHEELS = "#e3b18f", "#33302e", "#9aa3af", "#3c4450"
 
 #: Diver of 65 kg and 1.70 m: height of the neck over the waist, m, and mass, kg, of the model's table.
 _NECK, _MASS = 0.44682, 65.0
+#: Height of the tip of its breastbone over the waist, m, where the abdomen has its origin.
+_BREASTBONE = 0.210425
 
 # Rings (z, x, y, a, b) in the axes of each segment, standing: x forward, y to the left, z up.
 _TORSO = (
@@ -49,11 +51,7 @@ _TORSO = (
 # The same in two parts, for a thorax that moves.
 _THORAX = ((0.170, 0.010, 0, 0.096, 0.134), (0.190, 0.011, 0, 0.114, 0.156), *_TORSO[5:])
 _ABDOMEN = (
-    (-0.258, 0.006, 0, 0.050, 0.090),
-    (-0.240, 0.003, 0, 0.080, 0.118),
-    (-0.210, 0.000, 0, 0.097, 0.130),
-    (-0.130, 0.004, 0, 0.101, 0.137),
-    (-0.050, 0.010, 0, 0.112, 0.152),
+    *((z - _BREASTBONE, *ring) for z, *ring in _TORSO[:5]),
     (-0.010, 0.011, 0, 0.113, 0.155),
     (0.020, 0.011, 0, 0.098, 0.138),
 )

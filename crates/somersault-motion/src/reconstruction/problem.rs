@@ -149,7 +149,7 @@ impl FlightReconstruction {
         let recording = self.part(recording)?;
         let fits = FrameFits::try_new(&self.model, &self.markers, self.options.scale, &recording, token)?;
         let seen = self.phase(&fits, recording.times());
-        // heights that are too few to look for a flight in do not say that there is none
+        // an error here, such as too few heights, is no evidence against a flight
         let doubtful = matches!(&seen, Ok(Some(FlightPhase { status: PhaseStatus::NotFound, .. })));
         let phase = if self.options.interval.is_none() { seen? } else { None };
         let frames = self.frames_of(phase.as_ref(), recording.times());
