@@ -131,3 +131,18 @@ fn programs_of_any_start_mesh_are_solved_in_some_ten_steps() {
         }
     }
 }
+
+/// Factors that lose too many digits made programs of finer tolerances take hundreds of steps.
+#[test]
+fn programs_of_any_tolerance_are_solved_in_some_ten_steps() {
+    let mesh = Mesh::try_uniform(40, 4).unwrap();
+    for tolerance in [1e-4, 1e-5, 1e-6, 1e-7, 1e-8] {
+        let collocation = Collocation { tolerance, ..Collocation::default() };
+        let report = collocation
+            .solve(&mut arm(None, 0.0), std::slice::from_ref(&mesh), &mut |_| Flow::Continue)
+            .unwrap();
+        assert_eq!(report.status, CollocationStatus::Converged, "{tolerance:e}");
+        let most = report.history.iter().map(|record| record.iterations).max();
+        assert!(most <= Some(40), "{tolerance:e}: {most:?}");
+    }
+}

@@ -12,7 +12,8 @@
 //! positive definite, also where rows are dependent. Where a pivot vanishes, as it may where H has zeros, the factors are
 //! those with δ 1 added. Both are taken out again by iterative refinement, and where that stands still, as it does where rows
 //! hardly differ, by GMRES on the residual with the factors as preconditioner (Saad 2003, algorithm 9.5), which a few
-//! directions of slow convergence do not hold up. By
+//! directions of slow convergence do not hold up. A pivot of δ loses as many digits of the factors as δ is small: where GMRES
+//! ends, too, a larger δ follows. By
 //! Sylvester's law of inertia H + (σ + δ) 1 is positive definite on the null space of A where exactly n pivots are positive.
 
 use crate::error::SolverError;
@@ -65,8 +66,11 @@ pub(crate) struct Kkt {
     /// Of rows that may be left: 1 for least squares, 0 for constraints.
     compliance: f64,
     row_norms: Vec<f64>,
-    /// Those of δ relative to ‖H‖ that are tried, until no pivot is zero.
+    /// Those of δ relative to ‖H‖ that are tried, until no pivot is zero and a solve is accurate.
     regularisations: &'static [f64],
+    /// How many of them were tried, and the δ of the factors.
+    tried: usize,
+    added: f64,
     residual: Vec<f64>,
     /// Where a solve started.
     start: Vec<f64>,
@@ -120,6 +124,8 @@ impl Kkt {
             compliance: 0.0,
             row_norms: vec![0.0; m],
             regularisations: &[PRIMAL_REGULARISATION],
+            tried: 0,
+            added: 0.0,
             residual: vec![0.0; n + m],
             start: vec![0.0; n + m],
             krylov: Krylov::new(n + m),
@@ -195,20 +201,27 @@ impl Kkt {
                 -1.0
             };
         }
-        let mut added = 0.0;
-        let mut regularisations = self.regularisations.iter();
-        while !self.saddle.factor() {
-            let Some(regularisation) = regularisations.next() else { return false };
-            for i in (0..n).filter(|&i| free(i)) {
-                self.saddle.values[self.saddle.diagonal_at[i]] += regularisation * size - added;
-            }
-            added = regularisation * size;
-        }
-        if self.saddle.n_positive() != n {
+        (self.tried, self.added) = (0, 0.0);
+        if !self.saddle.factor() && !self.regularise() || self.saddle.n_positive() != n {
             return false;
         }
         let smallest = self.saddle.smallest_positive();
         smallest.is_finite() && smallest > SMALLEST_PIVOT * size.min(1.0)
+    }
+
+    /// Factors with the next δ with which no pivot vanishes. False where there is none.
+    fn regularise(&mut self) -> bool {
+        let size = (max_norm(&self.hessian) + self.shift).max(f64::MIN_POSITIVE);
+        while let Some(regularisation) = self.regularisations.get(self.tried) {
+            for i in (0..self.n).filter(|&i| self.active[i] == Activity::Free) {
+                self.saddle.values[self.saddle.diagonal_at[i]] += regularisation * size - self.added;
+            }
+            (self.tried, self.added) = (self.tried + 1, regularisation * size);
+            if self.saddle.factor() {
+                return true;
+            }
+        }
+        false
     }
 
     /// Solves with what was factored last. `targets[i]` is the d of row i, read where it is in the set; y is zero
@@ -221,10 +234,12 @@ impl Kkt {
         self.start[..n].copy_from_slice(p);
         self.start[n..].copy_from_slice(&y[n..]);
         let mut accurate = self.improve(q, targets, p, &mut y[n..], REFINEMENTS, Self::refine);
-        if !accurate {
+        let mut is_factored = true;
+        while !accurate && is_factored {
             p.copy_from_slice(&self.start[..n]);
             y[n..].copy_from_slice(&self.start[n..]);
             accurate = self.improve(q, targets, p, &mut y[n..], CYCLES, Self::cycle);
+            is_factored = self.added > 0.0 && !accurate && self.regularise();
         }
         self.hold(q, p, y) && accurate
     }

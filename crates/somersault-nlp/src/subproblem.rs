@@ -43,6 +43,9 @@ const FLAT: f64 = 1e-6;
 const FIRST_WEIGHT: f64 = 10.0;
 const LAST_WEIGHT: f64 = 1e8;
 
+/// Those of δ that are tried, see [`Kkt`], where no row can be exchanged. Where rows can be, an inaccurate solve asks the interior-point method.
+const REGULARISATIONS: [f64; 2] = [1e-9, 1e-7];
+
 /// Where a step comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Origin {
@@ -106,8 +109,16 @@ impl Subproblem {
     pub(crate) fn try_new(program: &Program<'_>, hessian: &Hessian) -> Result<Self, SolverError> {
         let (n, m) = (program.n_variables(), program.n_constraints());
         let structure = program.structure.clone();
+        let Structure { variables, constraints, jacobian, .. } = &structure;
+        let is_never_exchanged = |(lower, upper): (&f64, &f64)| {
+            lower == upper || *lower == f64::NEG_INFINITY && *upper == f64::INFINITY
+        };
+        let has_one_set = [variables, constraints]
+            .iter()
+            .all(|bounds| bounds.lower.iter().zip(&bounds.upper).all(is_never_exchanged));
+        let kkt = Kkt::try_new(&hessian.pattern, jacobian)?;
         Ok(Self {
-            kkt: Kkt::try_new(&hessian.pattern, &structure.jacobian)?,
+            kkt: if has_one_set { kkt.with_regularisations(&REGULARISATIONS) } else { kkt },
             hessian_pattern: hessian.pattern.clone(),
             convex: None,
             elastic: None,
