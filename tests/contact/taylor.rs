@@ -15,11 +15,15 @@ use somersault_contact::surface::{HalfSpace, Solid, SphericalSurface, Surface};
 use somersault_core::random::SplitMix64;
 use somersault_integrators::driver::IntegrateError;
 use somersault_integrators::events::{Event, Interruption, Location};
+use somersault_integrators::methods::{Dop853, RungeKuttaMuntheKaas, TaylorSeries};
 use somersault_integrators::state::{Pose, RigidBodiesState};
 use somersault_integrators::stepper::StepError;
 use somersault_integrators::studies::silent;
 use somersault_testkit::bouncing_ball;
 use std::sync::Arc;
+
+/// Here methods are given by their types, so that of the table no others are compiled for the systems of these tests.
+const RKMK8: RungeKuttaMuntheKaas<Dop853> = RungeKuttaMuntheKaas(Dop853);
 
 fn adapted(end: f64, tolerance: f64) -> Steps {
     Steps::adapted((0.0, end), Adaptive::with_tolerances(tolerance, tolerance))
@@ -101,13 +105,10 @@ fn random_bodies_on_planes_move_as_by_another_method() {
     for seed in 0..20 {
         let Scene { body, contacts, forces, start } = scene(seed);
         let system = BodyInContact::new(body, (forces, Contacts::new(contacts)));
-        let run = |method, tolerance| {
-            Run::new(&system, method, adapted(0.7, tolerance))
-                .locating(Location::default())
-                .from(&start)
-                .unwrap()
-        };
-        let (found, fine) = (run(Method::Taylor16, 1e-12), run(Method::Rkmk8, 1e-13));
+        let series = Run::by_embedded_stepper(&system, &TaylorSeries, adapted(0.7, 1e-12));
+        let found = series.locating(Location::default()).from(&start).unwrap();
+        let order_8 = Run::by_embedded_stepper(&system, &RKMK8, adapted(0.7, 1e-13));
+        let fine = order_8.locating(Location::default()).from(&start).unwrap();
         let kinds = |events: &[Event<Pose, EventKind>]| -> Vec<_> {
             events.iter().map(|event| (event.guard, event.kind)).collect()
         };
@@ -124,18 +125,20 @@ fn the_same_body_moves_the_same_in_every_system() {
     let Scene { body, contacts, forces, start } = scene(3);
     let system = BodyInContact::new(body, (forces, Contacts::new(contacts.clone())));
     let grid = TimeGrid::try_with_steps(0.0, 0.6, 60).unwrap();
-    let alone = Run::new(&system, Method::Taylor16, grid).locating(Location::default()).from(&start).unwrap();
+    let run = Run::by_stepper(&system, &TaylorSeries, grid).locating(Location::default());
+    let alone = run.from(&start).unwrap();
     assert!(alone.events.len() > 2);
 
     let with = WithStretches(&system);
-    let run = Run::new(&with, Method::Taylor16, grid).locating(Location::default());
+    let run = Run::by_stepper(&with, &TaylorSeries, grid).locating(Location::default());
     assert_eq!(run.from(&with.unstretched(start)).unwrap().state.base(), alone.state);
 
     let on_surfaces = contacts.into_iter().map(|contact| (1, contact)).collect();
     let both = BodyContacts::try_new(2, on_surfaces, vec![]).unwrap();
     let both = BodiesInContact::try_new(vec![body; 2], vec![forces; 2], both).unwrap();
     let states = RigidBodiesState::from_bodies(&[start; 2]);
-    let run = Run::new(&both, Method::Taylor16, grid).locating(Location::default()).from(&states).unwrap();
+    let run =
+        Run::by_stepper(&both, &TaylorSeries, grid).locating(Location::default()).from(&states).unwrap();
     assert_eq!(run.state.body(1), Some(alone.state));
     assert_eq!(run.events.len(), alone.events.len());
 }
@@ -157,7 +160,8 @@ fn contacts_without_series_are_refused_before_they_touch() {
     ] {
         let system = BodyInContact::new(body, (forces, Contacts::new(vec![contact])));
         let with = WithStretches(&system);
-        let run = Run::new(&with, Method::Taylor16, adapted(1.0, 1e-9)).locating(Location::default());
+        let run =
+            Run::by_embedded_stepper(&with, &TaylorSeries, adapted(1.0, 1e-9)).locating(Location::default());
         let error = run.from(&with.unstretched(start)).unwrap_err().reason;
         let refused = StepError::NoSeries { method: "taylor16" };
         assert_eq!(error, Interruption::Integrate(IntegrateError::Step(refused)));

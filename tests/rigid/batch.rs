@@ -809,10 +809,10 @@ fn no_pulse_of_a_schedule_is_stepped_over() {
         let tolerance = 10f64.powf(random.within(-10.0, -4.0));
         let settings = Adaptive::with_tolerances(tolerance, tolerance);
 
-        let system = RigidBodySystem::new(body, force.clone());
+        let system = under(body, force.clone());
         let steps = Steps::adapted((0.0, end), settings);
         let out = Run::new(&system, Method::Rkmk8B, steps).from(&state).unwrap().state;
-        let system = RigidBodySystem::new(body, TimeReversed(force.clone()));
+        let system = under(body, TimeReversed(force.clone()));
         let steps = Steps::adapted((-end, 0.0), settings);
         let home = Run::new(&system, Method::Rkmk8B, steps).from(&reversed(&out)).unwrap().state;
         let (bodies, terms, acting): (_, _, [&(dyn ForceModel + Sync); 1]) = ([body], [Vec::new()], [&force]);

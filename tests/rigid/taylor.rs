@@ -2,10 +2,11 @@
 
 use somersault::integrators::driver::IntegrateError;
 use somersault::integrators::force::{BoxedForce, CentralGravity, ScheduledTorque, Wrench};
-use somersault::integrators::methods::TaylorSeries;
+use somersault::integrators::methods::{Dop853, RungeKuttaMuntheKaas, TaylorSeries};
 use somersault::integrators::orbit::{Elements, Orbit};
 use somersault::integrators::reversal::{TimeReversed, reversed};
 use somersault::integrators::rotors::LinearSchedule;
+use somersault::integrators::run::ByEmbeddedStepper;
 use somersault::integrators::satellite::{Field, GravityGradient, MagneticDipole};
 use somersault::integrators::state::{Configuration, Pose, Rate, RigidBodiesState, Tolerances, Twist};
 use somersault::integrators::stepper::{EmbeddedStepper, StepError, weighed_error};
@@ -14,6 +15,16 @@ use somersault::prelude::*;
 use somersault_testkit::order::slope;
 use somersault_testkit::problems::under;
 use somersault_testkit::trees::Random;
+
+/// Here methods are given by their types, so that of the table no others are compiled for the systems of these tests.
+const RKMK8: RungeKuttaMuntheKaas<Dop853> = RungeKuttaMuntheKaas(Dop853);
+
+fn by_series<S: System>(
+    system: &S,
+    steps: impl Into<Steps>,
+) -> Run<'_, S, ByEmbeddedStepper<'static, TaylorSeries>> {
+    Run::by_embedded_stepper(system, &TaylorSeries, steps)
+}
 
 fn body() -> RigidBody {
     RigidBody::try_principal(1.3, Vector3::new(1.0, 2.0, 2.5)).unwrap()
@@ -106,8 +117,9 @@ fn the_terms_of_a_force_sum_to_its_wrench() {
 #[test]
 fn motions_under_each_force_are_those_of_another_method() {
     let check = |name: &str, system: &RigidBodySystem<Vec<BoxedForce>>| {
-        let fine = Run::new(system, Method::Rkmk8, adapted(2.0, 1e-13)).from(&start()).unwrap().state;
-        let ours = Run::new(system, Method::Taylor16, adapted(2.0, 1e-13)).from(&start());
+        let fine =
+            Run::by_embedded_stepper(system, &RKMK8, adapted(2.0, 1e-13)).from(&start()).unwrap().state;
+        let ours = by_series(system, adapted(2.0, 1e-13)).from(&start());
         let ours = ours.unwrap_or_else(|error| panic!("{name}: {error}"));
         assert!(gap(&ours.state, &fine) < 5e-12, "{name}: {:e}", gap(&ours.state, &fine));
     };
@@ -170,7 +182,7 @@ fn the_error_of_a_step_that_is_chosen_is_within_its_tolerance() {
         let h = longest.min(3.0);
         let mut found = x;
         TaylorSeries.step(&system, 0.0, &x, h, &mut memory, &mut found).unwrap();
-        let fine = Run::new(&system, Method::Rkmk8, adapted(h, 1e-15)).from(&x).unwrap().state;
+        let fine = Run::by_embedded_stepper(&system, &RKMK8, adapted(h, 1e-15)).from(&x).unwrap().state;
         let mut displacement = Twist::default();
         found.configuration.difference(&fine.configuration, &mut displacement);
         let mut change = found.rate;
@@ -186,7 +198,7 @@ fn the_error_of_a_step_that_is_chosen_is_within_its_tolerance() {
 fn a_free_body_moves_as_the_exact_one() {
     for body in [body(), skewed(), RigidBody::try_principal(1.0, Vector3::repeat(1.0)).unwrap()] {
         let system = RigidBodySystem::free(body);
-        let found = Run::new(&system, Method::Taylor16, adapted(10.0, 1e-13)).from(&start()).unwrap().state;
+        let found = by_series(&system, adapted(10.0, 1e-13)).from(&start()).unwrap().state;
         let exact = FreeBody::try_new(&body, &start()).unwrap().at(10.0).unwrap();
         assert!(gap(&found, &exact) < 1e-11, "{:e}", gap(&found, &exact));
     }
@@ -199,7 +211,7 @@ fn a_step_is_the_taylor_polynomial_of_degree_16() {
     let system = RigidBodySystem::free(body());
     let errors = [0.9, 0.8, 0.7, 0.6].map(|h| {
         let grid = TimeGrid::try_with_steps(0.0, h, 1).unwrap();
-        let found = Run::new(&system, Method::Taylor16, grid).from(&start()).unwrap().state;
+        let found = by_series(&system, grid).from(&start()).unwrap().state;
         (h, gap(&found, &exact.at(h).unwrap()))
     });
     assert!(errors[3].1 > 1e-13, "{errors:?}");
@@ -214,9 +226,7 @@ fn a_step_may_be_longer_than_half_a_turn() {
     let start = RigidBodyState::spinning(Vector3::new(0.0, 0.0, 4.0));
     let grid = TimeGrid::try_with_steps(0.0, 1.0, 1).unwrap();
     let mut recorder = Recorder::new(0.0, &start, 1).with_dense_output();
-    let run = Run::new(&RigidBodySystem::free(body), Method::Taylor16, grid)
-        .observed_by(&mut recorder)
-        .from(&start);
+    let run = by_series(&RigidBodySystem::free(body), grid).observed_by(&mut recorder).from(&start);
     let angle = |x: &RigidBodyState, angle: f64| {
         x.orientation().angle_to(&UnitQuaternion::from_axis_angle(&Vector3::z_axis(), angle))
     };
@@ -230,11 +240,10 @@ fn a_step_may_be_longer_than_half_a_turn() {
 fn a_run_back_ends_at_the_start() {
     for (name, force) in forces() {
         let system = RigidBodySystem::new(skewed(), vec![force]);
-        let end = Run::new(&system, Method::Taylor16, adapted(1.5, 1e-13)).from(&start()).unwrap().state;
+        let end = by_series(&system, adapted(1.5, 1e-13)).from(&start()).unwrap().state;
         let RigidBodySystem { body, forces } = system;
         let back = RigidBodySystem::new(body, TimeReversed(forces));
-        let found =
-            Run::new(&back, Method::Taylor16, adapted(1.5, 1e-13)).from(&reversed(&end)).unwrap().state;
+        let found = by_series(&back, adapted(1.5, 1e-13)).from(&reversed(&end)).unwrap().state;
         assert!(gap(&reversed(&found), &start()) < 1e-11, "{name}: {:e}", gap(&reversed(&found), &start()));
     }
 }
@@ -246,13 +255,10 @@ fn several_bodies_have_each_its_own_series() {
     let forces = || vec![together(), vec![]];
     let system = RigidBodiesSystem::try_new(bodies.clone(), forces(), ()).unwrap();
     let grid = TimeGrid::try_with_steps(0.0, 1.0, 200).unwrap();
-    let end = Run::new(&system, Method::Taylor16, grid)
-        .from(&RigidBodiesState::from_bodies(&states))
-        .unwrap()
-        .state;
+    let end = by_series(&system, grid).from(&RigidBodiesState::from_bodies(&states)).unwrap().state;
     for (i, force) in forces().into_iter().enumerate() {
         let alone = RigidBodySystem::new(bodies[i], force);
-        let alone = Run::new(&alone, Method::Taylor16, grid).from(&states[i]).unwrap().state;
+        let alone = by_series(&alone, grid).from(&states[i]).unwrap().state;
         assert_eq!(end.body(i), Some(alone), "{i}");
     }
 }
@@ -274,18 +280,18 @@ fn no_step_goes_through_the_anchor_of_a_spring() {
         Vector3::zeros(),
     );
     let system = under(body(), spring);
-    let error = Run::new(&system, Method::Taylor16, adapted(1.0, 1e-10)).from(&start).unwrap_err();
+    let error = by_series(&system, adapted(1.0, 1e-10)).from(&start).unwrap_err();
     assert!(matches!(error, IntegrateError::StepSize { .. } | IntegrateError::Step(_)), "{error}");
     let grid = TimeGrid::try_with_steps(0.0, 1.0, 10).unwrap();
-    let error = Run::new(&system, Method::Taylor16, grid).from(&start).unwrap_err();
+    let error = by_series(&system, grid).from(&start).unwrap_err();
     assert!(matches!(error, IntegrateError::Step(StepError::StepTooLarge { .. })), "{error}");
     // Past it at a distance the way is smooth.
     let past = RigidBodyState {
         configuration: Pose { position: Vector3::new(1.0, 0.05, 0.0), ..start.configuration },
         ..start
     };
-    let found = Run::new(&system, Method::Taylor16, adapted(1.0, 1e-12)).from(&past).unwrap().state;
-    let fine = Run::new(&system, Method::Rkmk8, adapted(1.0, 1e-13)).from(&past).unwrap().state;
+    let found = by_series(&system, adapted(1.0, 1e-12)).from(&past).unwrap().state;
+    let fine = Run::by_embedded_stepper(&system, &RKMK8, adapted(1.0, 1e-13)).from(&past).unwrap().state;
     assert!(gap(&found, &fine) < 1e-10, "{:e}", gap(&found, &fine));
 }
 
@@ -296,23 +302,21 @@ fn a_fall_from_rest_under_quadratic_drag_is_that_in_closed_form() {
     let drag = Drag { linear: 0.0, quadratic: c, angular: 0.0 };
     let system = under(body(), (Gravity::earth(), drag));
     let fallen = |t: f64| m / c * (t * (g * c / m).sqrt()).cosh().ln();
-    let end =
-        Run::new(&system, Method::Taylor16, adapted(3.0, 1e-12)).from(&RigidBodyState::default()).unwrap();
+    let end = by_series(&system, adapted(3.0, 1e-12)).from(&RigidBodyState::default()).unwrap();
     assert!((end.state.position().z + fallen(3.0)).abs() < 1e-11);
     // At rest for good without a weight, whatever the step.
     let grid = TimeGrid::try_with_steps(0.0, 10.0, 1).unwrap();
-    let still =
-        Run::new(&under(body(), drag), Method::Taylor16, grid).from(&RigidBodyState::default()).unwrap();
+    let still = by_series(&under(body(), drag), grid).from(&RigidBodyState::default()).unwrap();
     assert_eq!(still.state, RigidBodyState::default());
     // Thrown straight up it turns at rest, where |v| v has no series: the run ends there, and not behind.
     let mut thrown = RigidBodyState::default();
     thrown.rate.linear.z = 5.0;
-    let found = Run::new(&system, Method::Taylor16, adapted(2.0, 1e-10)).from(&thrown).map(|end| end.state);
+    let found = by_series(&system, adapted(2.0, 1e-10)).from(&thrown).map(|end| end.state);
     assert!(found.is_err(), "{found:?}");
     // A little askew it does not.
     thrown.rate.linear.x = 0.05;
-    let found = Run::new(&system, Method::Taylor16, adapted(2.0, 1e-12)).from(&thrown).unwrap().state;
-    let fine = Run::new(&system, Method::Rkmk8, adapted(2.0, 1e-13)).from(&thrown).unwrap().state;
+    let found = by_series(&system, adapted(2.0, 1e-12)).from(&thrown).unwrap().state;
+    let fine = Run::by_embedded_stepper(&system, &RKMK8, adapted(2.0, 1e-13)).from(&thrown).unwrap().state;
     assert!(gap(&found, &fine) < 1e-10, "{:e}", gap(&found, &fine));
 }
 
@@ -331,14 +335,14 @@ fn forces_without_series_are_refused_by_name_of_what_is_allowed() {
     ];
     for force in without {
         let system = RigidBodySystem::new(body(), vec![Box::new(Gravity::earth()) as BoxedForce, force]);
-        let error = Run::new(&system, Method::Taylor16, adapted(1.0, 1e-8)).from(&start()).unwrap_err();
+        let error = by_series(&system, adapted(1.0, 1e-8)).from(&start()).unwrap_err();
         assert_eq!(error, IntegrateError::Step(StepError::NoSeries { method: "taylor16" }));
         assert!(error.to_string().contains("springs"), "{error}");
     }
     let system =
         RigidBodiesSystem::try_new(vec![body(); 2], vec![(), ()], Gravitation { constant: 1.0 }).unwrap();
     let states = RigidBodiesState::from_bodies(&[start(), RigidBodyState::spinning(Vector3::x())]);
-    let error = Run::new(&system, Method::Taylor16, adapted(1.0, 1e-8)).from(&states).unwrap_err();
+    let error = by_series(&system, adapted(1.0, 1e-8)).from(&states).unwrap_err();
     assert_eq!(error, IntegrateError::Step(StepError::NoSeries { method: "taylor16" }));
 }
 
