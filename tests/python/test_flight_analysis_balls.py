@@ -86,7 +86,7 @@ def dive(posture: str, half_somersaults: int, fault: str) -> Any:
     elif fault == "too little momentum":
         rate *= 1 - size
     run = flown(closed, opens, rate)
-    seen = motion.place_markers(MARKERS, run.t, run.q)
+    seen = motion.place_markers(MARKERS, run.t[::2], run.q[::2])
     points = seen.points + np.random.default_rng(3).normal(0.0, 0.01, seen.points.shape)
     recording = motion.MarkerRecording(seen.names, seen.times, points)
     return recording, (closed, opens, rate), line_angle(run) - np.pi * half_somersaults

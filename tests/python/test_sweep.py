@@ -20,7 +20,7 @@ import somersault
 from somersault import sweep
 from somersault.errors import InputError, SweepError
 
-#: Runs 10,000 points, on threads or on the cluster at an address.
+#: Runs points, a hundred for each spin, on threads or on the cluster at an address.
 SCRIPT = """
 import contextlib, sys
 import somersault
@@ -30,12 +30,12 @@ def end(dt, spin):
     body = somersault.RigidBody.box(1.0, (0.2, 0.4, 0.6))
     start = somersault.State(angular_velocity=(0.1, spin, 0.3))
     motion = somersault.integrate(body, start, (0.0, 8 * dt), dt=dt, every=8)
-    if spin > 9.85:
+    if spin == 0.5:
         raise ValueError(f"spins with {spin}")
     return {"energy": motion.kinetic_energy[-1], "quaternion": motion.quaternion[-1]}
 
-points = sweep.grid(dt=[0.001 * (i + 1) for i in range(100)], spin=[0.1 * i for i in range(100)])
-directory, address = sys.argv[1:]
+directory, address, spins = sys.argv[1:]
+points = sweep.grid(dt=[0.001 * (i + 1) for i in range(100)], spin=[0.1 * i for i in range(int(spins))])
 if address == "threads":
     found = sweep.run(end, points, directory=directory)
 else:
@@ -55,35 +55,42 @@ def digest(directory: Path) -> dict[str, str]:
     }
 
 
-def script(path: Path, directory: Path, address: str) -> subprocess.Popen[str]:
+def script(folder: Path, name: str, address: str, spins: int) -> subprocess.Popen[str]:
+    path = folder / "study.py"
     path.write_text(SCRIPT)
-    command = [sys.executable, str(path), str(directory), address]
+    command = [sys.executable, str(path), str(folder / name), address, str(spins)]
     return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
 
 
-def killed_and_resumed(folder: Path, address: str) -> dict[str, str]:
+def killed_and_resumed(folder: Path, address: str, spins: int) -> dict[str, str]:
     """The files of a run that is killed half-way and started again."""
     directory = folder / "killed"
-    with script(folder / "study.py", directory, address) as process:
+    with script(folder, "killed", address, spins) as process:
         deadline = time.monotonic() + 120
-        while len(list(directory.glob("records/*/[0-9]*.json"))) < 4000:
+        while len(list(directory.glob("records/*/[0-9]*.json"))) < 40 * spins:
             assert process.poll() is None and time.monotonic() < deadline
-            time.sleep(0.05)
+            time.sleep(0.02)
         process.send_signal(signal.SIGKILL if sys.platform != "win32" else signal.SIGTERM)
     left = len(list(directory.glob("records/*/[0-9]*.json")))
-    assert 4000 <= left < 10_000
+    assert 40 * spins <= left < 100 * spins
     assert sweep.read(directory).missing
-    with script(folder / "study.py", directory, address) as process:
-        assert process.communicate(timeout=120)[0] == "9900 100\n"
+    with script(folder, "killed", address, spins) as process:
+        assert process.communicate(timeout=120)[0] == f"{100 * (spins - 1)} 100\n"
     return digest(directory)
 
 
+@pytest.fixture(scope="module", params=[20, pytest.param(100, marks=pytest.mark.study)])
+def spins(request: pytest.FixtureRequest) -> int:
+    """Two thousand points in all, ten thousand in the study."""
+    return int(request.param)
+
+
 @pytest.fixture(scope="module")
-def never_killed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+def never_killed(tmp_path_factory: pytest.TempPathFactory, spins: int) -> dict[str, str]:
     """The files of the same run, on threads, left alone."""
     folder = tmp_path_factory.mktemp("whole")
-    with script(folder / "study.py", folder / "whole", "threads") as process:
-        assert process.communicate(timeout=120)[0] == "9900 100\n"
+    with script(folder, "whole", "threads", spins) as process:
+        assert process.communicate(timeout=120)[0] == f"{100 * (spins - 1)} 100\n"
     return digest(folder / "whole")
 
 
@@ -113,15 +120,17 @@ def doomed_cluster() -> Iterator[Any]:
 
 
 def test_a_sweep_killed_half_way_and_resumed_has_the_bytes_of_one_never_killed(
-    tmp_path: Path, never_killed: dict[str, str]
+    tmp_path: Path, never_killed: dict[str, str], spins: int
 ) -> None:
-    assert len(never_killed) == 10_001
-    assert killed_and_resumed(tmp_path, "threads") == never_killed
+    assert len(never_killed) == 100 * spins + 1
+    assert killed_and_resumed(tmp_path, "threads", spins) == never_killed
 
 
 @pytest.mark.filterwarnings("default")  # of Dask's own
-def test_so_has_one_on_a_dask_cluster(tmp_path: Path, never_killed: dict[str, str], cluster: Any) -> None:
-    assert killed_and_resumed(tmp_path, cluster.scheduler_address) == never_killed
+def test_so_has_one_on_a_dask_cluster(
+    tmp_path: Path, never_killed: dict[str, str], cluster: Any, spins: int
+) -> None:
+    assert killed_and_resumed(tmp_path, cluster.scheduler_address, spins) == never_killed
 
 
 def ten_over(x: int) -> float:
