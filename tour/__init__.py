@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import platform
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from html import escape
+from multiprocessing import get_context
 from pathlib import Path
-from typing import TypeVar
 
 import matplotlib as mpl
 
@@ -23,8 +24,6 @@ from tour.page import LETTERS, Page
 
 __all__ = ["FULL", "REDUCED", "Measurements", "Setting", "run"]
 
-Item = TypeVar("Item")
-
 PURPOSE = """
 What somersault computes, with pictures and numbers, beside what the thesis <a href="{url}">{citation}</a>
 prints. Every number and figure here was computed by the library when these pages were made, but for what is
@@ -32,7 +31,9 @@ marked as printed in the thesis.
 """
 
 
-def run(out: Path | str, measurements: Measurements | None = None, progress: bool = True) -> Path:
+def run(
+    out: Path | str, measurements: Measurements | None = None, progress: bool = True, processes: int = 1
+) -> Path:
     """Writes the tour.
 
     Parameters
@@ -43,6 +44,8 @@ def run(out: Path | str, measurements: Measurements | None = None, progress: boo
         What to show; all of it in the full setting unless given.
     progress : bool
         Whether to show how far it has come.
+    processes : int
+        From two on, a second process writes the chapters that share no measurements with the index.
 
     Returns
     -------
@@ -53,13 +56,14 @@ def run(out: Path | str, measurements: Measurements | None = None, progress: boo
     folder = Path(out)
     folder.mkdir(parents=True, exist_ok=True)
     measurements = measurements or Measurements(FULL)
-    pages = []
-    with mpl.rc_context({"font.size": LETTERS, "axes.titlesize": LETTERS}):
-        for slug in _shown(chapters.ORDER, progress):
-            chapter = chapters.load(slug)
-            page = Page(slug, chapter.TITLE, folder)
-            chapter.write(page, measurements)
-            pages.append(page)
+    if processes == 1:
+        pages = _written(chapters.ORDER, folder, measurements, progress)
+    else:
+        rest = tuple(slug for slug in chapters.ORDER if slug not in chapters.MEASURED)
+        with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as second:
+            others = second.submit(_written, rest, folder, measurements, progress, bar=1)
+            pages = _written(chapters.MEASURED, folder, measurements, progress) + others.result()
+        pages.sort(key=lambda page: chapters.ORDER.index(page.slug))
     index = _index(folder, pages, measurements)
     footer = escape(
         f"somersault {somersault.__version__} · {platform.system()} {platform.machine()}, "
@@ -73,22 +77,36 @@ def run(out: Path | str, measurements: Measurements | None = None, progress: boo
     return folder / "index.html"
 
 
-def _shown(items: Iterable[Item], progress: bool) -> Iterator[Item]:
-    """The items, with a bar if tqdm is there and a line for each if not."""
+def _written(
+    slugs: Sequence[str], folder: Path, measurements: Measurements, progress: bool, bar: int = 0
+) -> list[Page]:
+    """The pages of these chapters; `bar` counts the bars above the one that shows how far it has come."""
+    pages = []
+    with mpl.rc_context({"font.size": LETTERS, "axes.titlesize": LETTERS}):
+        for slug in _shown(slugs, progress, bar):
+            chapter = chapters.load(slug)
+            page = Page(slug, chapter.TITLE, folder)
+            chapter.write(page, measurements)
+            pages.append(page)
+    return pages
+
+
+def _shown(slugs: Sequence[str], progress: bool, position: int) -> Iterator[str]:
+    """The slugs, with a bar if tqdm is there and a line for each if not."""
     if not progress:
-        yield from items
+        yield from slugs
         return
     try:
         from tqdm import tqdm
     except ImportError:
-        for item in items:
-            print(f"tour: {item}", flush=True)
-            yield item
+        for slug in slugs:
+            print(f"tour: {slug}", flush=True)
+            yield slug
     else:
-        with tqdm(list(items), desc="tour", unit="chapter") as bar:
-            for item in bar:
-                bar.set_postfix_str(str(item))
-                yield item
+        with tqdm(slugs, desc="tour", unit="chapter", position=position) as bar:
+            for slug in bar:
+                bar.set_postfix_str(slug)
+                yield slug
 
 
 def _navigation(current: Page, pages: Sequence[Page]) -> str:

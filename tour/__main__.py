@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,7 +16,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument(
         "--out", type=Path, default=Path("out/tour"), help="folder of the report (%(default)s)"
     )
-    print(f"report: {tour.run(parser.parse_args(arguments).out).resolve()}")
+    written = tour.run(parser.parse_args(arguments).out, processes=min(2, os.cpu_count() or 1))
+    print(f"report: {written.resolve()}")
 
 
 if __name__ == "__main__":

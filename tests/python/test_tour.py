@@ -98,6 +98,18 @@ def test_every_chapter_has_a_page_and_the_index_leads_to_it(folder: Path) -> Non
         assert (folder / f"{slug}.html").is_file()
 
 
+def test_two_processes_write_the_pages_of_one(
+    folder: Path, measurements: tour.Measurements, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(chapters, "ORDER", ("divers", "methods"))
+    monkeypatch.setattr(chapters, "MEASURED", ("methods",))
+    tour.run(tmp_path, measurements, progress=False, processes=2)
+    links = read(tmp_path / "index.html").links
+    assert links.index("divers.html") < links.index("methods.html")
+    for name in ("divers.html", "methods.html"):
+        assert read(tmp_path / name).cells == read(folder / name).cells
+
+
 def test_the_index_begins_with_pictures_and_no_chapter_is_empty(folder: Path) -> None:
     index = (folder / "index.html").read_text(encoding="utf-8")
     assert index.index("<img") < index.index("<h2>") and index.count("<img") >= 6
@@ -345,6 +357,7 @@ def test_the_command_writes_where_it_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(chapters, "ORDER", ())
+    monkeypatch.setattr(chapters, "MEASURED", ())
     monkeypatch.setattr(chapters, "summary", lambda page, measurements: None)
     monkeypatch.setitem(sys.modules, "tqdm", None)
     main(["--out", str(tmp_path)])

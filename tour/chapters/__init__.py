@@ -10,7 +10,7 @@ from tour.chapters.choice import summary
 from tour.measurements import Measurements
 from tour.page import Page
 
-__all__ = ["ORDER", "PARTS", "PICTURED", "Chapter", "Part", "load", "summary"]
+__all__ = ["MEASURED", "ORDER", "PARTS", "PICTURED", "Chapter", "Part", "load", "summary"]
 
 
 @dataclass(frozen=True)
@@ -72,6 +72,9 @@ PARTS = (
 )
 
 ORDER = tuple(slug for part in PARTS for slug in part.slugs)
+
+#: Chapters that share measurements with each other and with the index.
+MEASURED = tuple(slug for part in (PARTS[0], PARTS[-1]) for slug in part.slugs)
 
 #: Figures that stand at the top of the index, by their chapters.
 PICTURED = {
