@@ -45,9 +45,9 @@ TOP_STEP = 2.5e-5
 
 FULL = Setting(
     inertias=100,
-    other_inertias=100,
+    other_inertias=50,
     finest=-5.0,
-    repeats=7,
+    repeats=5,
     bodies=10_000,
     long_steps=1_000_000,
     thinned=1,
