@@ -59,10 +59,13 @@ def run(
     if processes == 1:
         pages = _written(chapters.ORDER, folder, measurements, progress)
     else:
-        rest = tuple(slug for slug in chapters.ORDER if slug not in chapters.MEASURED)
+        taken = (*chapters.ALONE, *chapters.MEASURED)
+        rest = tuple(slug for slug in chapters.ORDER if slug not in taken)
+        pages = _written(chapters.ALONE, folder, measurements, progress)
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as second:
             others = second.submit(_written, rest, folder, measurements, progress, bar=1)
-            pages = _written(chapters.MEASURED, folder, measurements, progress) + others.result()
+            pages += _written(chapters.MEASURED, folder, measurements, progress)
+            pages += others.result()
         pages.sort(key=lambda page: chapters.ORDER.index(page.slug))
     index = _index(folder, pages, measurements)
     footer = escape(

@@ -102,6 +102,7 @@ def test_two_processes_write_the_pages_of_one(
     folder: Path, measurements: tour.Measurements, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(chapters, "ORDER", ("divers", "methods"))
+    monkeypatch.setattr(chapters, "ALONE", ())
     monkeypatch.setattr(chapters, "MEASURED", ("methods",))
     tour.run(tmp_path, measurements, progress=False, processes=2)
     links = read(tmp_path / "index.html").links
@@ -357,6 +358,7 @@ def test_the_command_writes_where_it_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(chapters, "ORDER", ())
+    monkeypatch.setattr(chapters, "ALONE", ())
     monkeypatch.setattr(chapters, "MEASURED", ())
     monkeypatch.setattr(chapters, "summary", lambda page, measurements: None)
     monkeypatch.setitem(sys.modules, "tqdm", None)

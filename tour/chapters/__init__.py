@@ -10,7 +10,7 @@ from tour.chapters.choice import summary
 from tour.measurements import Measurements
 from tour.page import Page
 
-__all__ = ["MEASURED", "ORDER", "PARTS", "PICTURED", "Chapter", "Part", "load", "summary"]
+__all__ = ["ALONE", "MEASURED", "ORDER", "PARTS", "PICTURED", "Chapter", "Part", "load", "summary"]
 
 
 @dataclass(frozen=True)
@@ -73,8 +73,11 @@ PARTS = (
 
 ORDER = tuple(slug for part in PARTS for slug in part.slugs)
 
+#: Chapters that show what all processors do together, and are written while nothing else runs.
+ALONE = ("batch",)
+
 #: Chapters that share measurements with each other and with the index.
-MEASURED = tuple(slug for part in (PARTS[0], PARTS[-1]) for slug in part.slugs)
+MEASURED = tuple(slug for part in (PARTS[0], PARTS[-1]) for slug in part.slugs if slug not in ALONE)
 
 #: Figures that stand at the top of the index, by their chapters.
 PICTURED = {
