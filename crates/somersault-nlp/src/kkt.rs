@@ -209,7 +209,7 @@ impl Kkt {
         smallest.is_finite() && smallest > SMALLEST_PIVOT * size.min(1.0)
     }
 
-    /// Factors with the next δ with which no pivot vanishes. False where there is none.
+    /// Raises δ to the next value of the list, and again while a pivot vanishes, and factors. False at the end of the list.
     fn regularise(&mut self) -> bool {
         let size = (max_norm(&self.hessian) + self.shift).max(f64::MIN_POSITIVE);
         while let Some(regularisation) = self.regularisations.get(self.tried) {
