@@ -173,15 +173,17 @@ impl<'a, T: Scalar> Positions<'a, T> {
     ) -> Result<(), DynamicsError> {
         self.model.expect_body(i)?;
         expect_columns(out, 6, self.model.n_velocities())?;
-        let pose = self.data.nodes[i].pose.compose(frame);
+        let pose = &self.data.nodes[i].pose;
+        let origin = pose.point(&frame.translation);
+        let turn = (axes == Axes::Frame).then(|| pose.rotation * frame.rotation);
         out.fill(T::zero());
         let mut body = Some(i);
         while let Some(b) = body {
             for k in self.model.bodies[b].dofs.clone() {
-                let mut column = self.data.columns[k].at(&pose.translation);
-                if axes == Axes::Frame {
-                    column.linear = pose.rotation.tr_mul(&column.linear);
-                    column.angular = pose.rotation.tr_mul(&column.angular);
+                let mut column = self.data.columns[k].at(&origin);
+                if let Some(turn) = &turn {
+                    column.linear = turn.tr_mul(&column.linear);
+                    column.angular = turn.tr_mul(&column.angular);
                 }
                 if let Some((at, factor)) = self.model.shared_column(k) {
                     let mut sum = out.fixed_view_mut::<3, 1>(0, at);

@@ -1,9 +1,9 @@
 //! Gradients by the adjoint: those of the columns, to rounding.
 
-use crate::drops::tree;
 use crate::gradients::touching_links;
 use crate::parameters::{driven_leg, following_arm, knots};
 use crate::{Torques, passive};
+use crate::{drops::tree, in_contact};
 use nalgebra::{Matrix3, Vector3};
 use somersault_contact::contacts::Contact;
 use somersault_contact::laws::ContactLaw;
@@ -124,7 +124,7 @@ const METHODS: [Method; 9] = [
 #[test]
 fn the_adjoint_of_a_hopping_leg_is_its_columns_by_every_method() {
     let leg = HoppingLeg::example().unwrap().system().unwrap();
-    let (system, start) = (leg.in_contact().unwrap(), leg.start().unwrap());
+    let (system, start) = (in_contact(&leg), leg.start().unwrap());
     let by = Differentiation::by(of_leg());
     for method in METHODS {
         let steps = TimeGrid::try_new(0.0, 0.12, 5e-4).unwrap().into();
@@ -239,7 +239,7 @@ fn the_adjoint_of_a_leg_with_a_driven_joint_is_its_columns() {
 #[test]
 fn the_gradient_of_a_running_cost_is_that_of_what_it_gathers() {
     let leg = HoppingLeg::example().unwrap().system().unwrap();
-    let (system, start) = (leg.in_contact().unwrap(), leg.start().unwrap());
+    let (system, start) = (in_contact(&leg), leg.start().unwrap());
     let by = Differentiation::by(of_leg());
     let grid = TimeGrid::try_new(0.0, 0.2, 1e-3).unwrap();
     let mut recorded = SensitivityRun::new(&system, &by, Method::Rkmk8, grid).recorded_from(&start).unwrap();
@@ -264,7 +264,7 @@ fn the_gradient_of_a_running_cost_is_that_of_what_it_gathers() {
 #[test]
 fn what_has_no_adjoint_is_refused() {
     let leg = HoppingLeg::example().unwrap().system().unwrap();
-    let (system, start) = (leg.in_contact().unwrap(), leg.start().unwrap());
+    let (system, start) = (in_contact(&leg), leg.start().unwrap());
     let by = Differentiation::default();
     let grid = TimeGrid::try_new(0.0, 0.02, 1e-3).unwrap();
     for (method, name) in [(Method::Ab4, "ab4"), (Method::Radau5, "radau5"), (Method::Sv, "sv")] {

@@ -1,6 +1,6 @@
 //! No allocation per step between events: the number of allocations of a run does not depend on its length.
 
-use crate::passive;
+use crate::{in_contact, passive};
 use somersault_contact::models::HoppingLeg;
 use somersault_contact::sensitivity::{Differentiation, EndCost, Parameter, SensitivityRun};
 use somersault_contact::tree::TreeInContact;
@@ -15,7 +15,7 @@ use somersault_testkit::allocations::allocations;
 #[test]
 fn located_steps_of_a_tree_allocate_nothing_between_events() {
     let leg = HoppingLeg::example().unwrap().system().unwrap();
-    let driven = leg.in_contact().unwrap();
+    let driven = in_contact(&leg);
     let passive =
         TreeInContact::try_new(TreeSystem::new(&leg.model, passive()), leg.contacts.clone(), vec![]);
     let passive = passive.unwrap();
@@ -43,7 +43,7 @@ fn located_steps_of_a_tree_allocate_nothing_between_events() {
 #[test]
 fn gradients_of_a_tree_allocate_nothing_per_step() {
     let leg = HoppingLeg::example().unwrap().system().unwrap();
-    let system = leg.in_contact().unwrap();
+    let system = in_contact(&leg);
     let flight = system.unstretched(leg.start().unwrap());
     let grid = TimeGrid::try_new(0.0, 0.045, 1e-4).unwrap();
     let held = Run::new(&system, Method::Rkmk8, grid).locating(Location::default()).from(&flight);

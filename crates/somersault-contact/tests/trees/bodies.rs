@@ -1,6 +1,6 @@
 //! A tree of one free body is a rigid body, and a tree of two is a pair: the same motions to rounding.
 
-use crate::passive;
+use crate::{RKMK8, passive};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use somersault_contact::bodies::{BodiesInContact, BodyContacts, BodySphere, SpherePair};
 use somersault_contact::contacts::{BodyInContact, Contact, Contacts};
@@ -19,7 +19,6 @@ use somersault_integrators::body::RigidBody;
 use somersault_integrators::driver::TimeGrid;
 use somersault_integrators::events::Location;
 use somersault_integrators::force::Gravity;
-use somersault_integrators::methods::Method;
 use somersault_integrators::run::Run;
 use somersault_integrators::state::{RigidBodiesState, RigidBodyState};
 use somersault_multibody::motion::TreeSystem;
@@ -108,30 +107,28 @@ fn a_tree_of_one_body_is_that_body() {
         let tree = TreeInContact::try_new(TreeSystem::new(&model, passive()), named, vec![]).unwrap();
         let (q, v) = coordinates(&start);
         let state = tree.unstretched(model.state(&q, &v).unwrap());
-        for dt in [1e-3, 2e-3] {
-            let grid = TimeGrid::try_new(0.0, 0.4, dt).unwrap();
-            let of_body = Run::new(&bodies, Method::RkmkB, grid).locating(Location::as_given());
-            let of_body = of_body.from(&bodies.unstretched(start)).unwrap();
-            let of_tree = Run::new(&tree, Method::Rkmk, grid).locating(Location::as_given());
-            let of_tree = of_tree.from(&state).unwrap();
-            assert!(of_body.event_count > 1, "{i}: {} events", of_body.event_count);
-            let kinds = |events: Vec<(usize, EventKind)>| events;
-            let [a, b] = [
-                kinds(of_body.events.iter().map(|e| (e.guard, e.kind)).collect()),
-                kinds(of_tree.events.iter().map(|e| (e.guard, e.kind)).collect()),
-            ];
-            assert_eq!(a, b, "{i}");
-            for (a, b) in of_body.events.iter().zip(&of_tree.events) {
-                assert!((a.t - b.t).abs() < 1e-11, "{i}: {} {}", a.t, b.t);
-                assert!((a.impulse - b.impulse).abs() < 1e-9 * (1.0 + a.impulse), "{i}");
-            }
-            let TouchingState { configuration, rate } = &of_tree.state;
-            let (q, p) = (configuration.0.as_slice(), rate.base.as_slice());
-            let error = apart(q, p, &of_body.state.base());
-            assert!(error < 1e-10, "{i} {dt}: {error:e}");
-            for (a, b) in of_body.state.variables().iter().zip(&rate.variables) {
-                assert!((a - b).norm() < 1e-11, "{i}: {a} {b}");
-            }
+        let grid = TimeGrid::try_new(0.0, 0.4, 5e-4).unwrap();
+        let of_body = Run::by_stepper(&bodies, &RKMK8, grid).locating(Location::as_given());
+        let of_body = of_body.from(&bodies.unstretched(start)).unwrap();
+        let of_tree = Run::by_stepper(&tree, &RKMK8, grid).locating(Location::as_given());
+        let of_tree = of_tree.from(&state).unwrap();
+        assert!(of_body.event_count > 1, "{i}: {} events", of_body.event_count);
+        let kinds = |events: Vec<(usize, EventKind)>| events;
+        let [a, b] = [
+            kinds(of_body.events.iter().map(|e| (e.guard, e.kind)).collect()),
+            kinds(of_tree.events.iter().map(|e| (e.guard, e.kind)).collect()),
+        ];
+        assert_eq!(a, b, "{i}");
+        for (a, b) in of_body.events.iter().zip(&of_tree.events) {
+            assert!((a.t - b.t).abs() < 1e-11, "{i}: {} {}", a.t, b.t);
+            assert!((a.impulse - b.impulse).abs() < 1e-9 * (1.0 + a.impulse), "{i}");
+        }
+        let TouchingState { configuration, rate } = &of_tree.state;
+        let (q, p) = (configuration.0.as_slice(), rate.base.as_slice());
+        let error = apart(q, p, &of_body.state.base());
+        assert!(error < 1e-10, "{i}: {error:e}");
+        for (a, b) in of_body.state.variables().iter().zip(&rate.variables) {
+            assert!((a - b).norm() < 1e-11, "{i}: {a} {b}");
         }
     }
 }
@@ -171,10 +168,10 @@ fn a_pair_of_links_is_a_pair_of_bodies() {
     let [(q0, v0), (q1, v1)] = states.each_ref().map(coordinates);
     let state = model.state(&[q0, q1].concat(), &[v0, v1].concat()).unwrap();
     let grid = TimeGrid::try_new(0.0, 0.3, 1e-3).unwrap();
-    let of_tree = Run::new(&tree, Method::Rkmk, grid).locating(Location::as_given());
+    let of_tree = Run::by_stepper(&tree, &RKMK8, grid).locating(Location::as_given());
     let of_tree = of_tree.from(&tree.unstretched(state)).unwrap();
     let start = flying.unstretched(RigidBodiesState::from_bodies(&states));
-    let of_bodies = Run::new(&flying, Method::RkmkB, grid).locating(Location::as_given());
+    let of_bodies = Run::by_stepper(&flying, &RKMK8, grid).locating(Location::as_given());
     let of_bodies = of_bodies.from(&start).unwrap();
     assert_eq!(of_tree.event_count, of_bodies.event_count);
     assert!(of_tree.event_count >= 3, "{}", of_tree.event_count);

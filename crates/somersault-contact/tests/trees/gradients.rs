@@ -259,9 +259,9 @@ fn the_derivative_of_a_tree_of_one_body_is_that_of_the_body() {
         let named = named.map(|(k, c)| LinkContact::new(format!("c{k}"), "body", c.clone())).collect();
         let tree = TreeInContact::try_new(TreeSystem::new(&model, passive()), named, vec![]).unwrap();
         let bodies = BodyInContact::new(body, (Gravity::earth(), Contacts::new(contacts)));
-        let of_body = SensitivityRun::new(&bodies, &by, Method::Rkmk8B, grid);
+        let of_body = SensitivityRun::by_stepper(&bodies, &by, &RKMK8, grid);
         let of_body = of_body.locating(Location::as_given()).from(&start).unwrap();
-        let found = SensitivityRun::new(&tree, &by, Method::Rkmk8, grid);
+        let found = SensitivityRun::by_stepper(&tree, &by, &RKMK8, grid);
         let found = found.locating(Location::as_given()).from(&of_tree).unwrap();
         assert!(found.run.event_count > 1, "{i}");
         assert_eq!(found.run.event_count, of_body.run.event_count);

@@ -3,10 +3,10 @@
 //! The foot weighs 1 g, so that the contact and the leg's damping make rates λ of 10⁵/s: explicit methods are stable for steps
 //! of up to 2.8/|λ|.
 
-use crate::gradients::touching_links;
 use crate::orders::median_order;
 use crate::slider::Slider;
 use crate::{Torques, passive};
+use crate::{gradients::touching_links, in_contact};
 use nalgebra::{DMatrix, Matrix3, UnitQuaternion, Vector3};
 use somersault_contact::contacts::Contact;
 use somersault_contact::event::EventKind::{self, Release, Slip, Stick, TouchDown};
@@ -222,7 +222,7 @@ fn partials_of_trees_in_contact_are_their_differences() {
 #[test]
 fn derivatives_by_the_implicit_method_are_those_of_an_explicit_one() {
     let leg = HoppingLeg::example().unwrap().system().unwrap();
-    let system = leg.in_contact().unwrap();
+    let system = in_contact(&leg);
     let by = Differentiation::by([Parameter::normal(0, "stiffness"), Parameter::JointForce(4)]);
     let found = |method, h| -> TreeSensitivities {
         let grid = TimeGrid::try_new(0.0, 0.06, h).unwrap();

@@ -23,9 +23,10 @@ mod slider;
 mod spatial_references;
 mod standing;
 
-use somersault_contact::tree::PlatformMotion;
+use somersault_contact::models::TreeContactSystem;
+use somersault_contact::tree::{PlatformMotion, TreeInContact};
 use somersault_integrators::methods::{Dop853, RungeKuttaMuntheKaas};
-use somersault_multibody::motion::TreeForces;
+use somersault_multibody::motion::{TreeForces, TreeSystem};
 use somersault_testkit::allocations::Counting;
 
 /// Any forces of joints, as one type: all methods are compiled for each type of forces.
@@ -34,6 +35,12 @@ type Torques = Box<dyn TreeForces + Send + Sync>;
 /// No forces of joints, as that type.
 fn passive() -> Torques {
     Box::new(())
+}
+
+/// A named model with its actuators as that type.
+fn in_contact(scene: &TreeContactSystem) -> TreeInContact<'_, Torques> {
+    let tree = TreeSystem::new(&scene.model, Box::new(scene.actuators.clone()) as Torques);
+    TreeInContact::try_new(tree, scene.contacts.clone(), vec![]).unwrap()
 }
 
 /// Any motions of platforms, as one type.

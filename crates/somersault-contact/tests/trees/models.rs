@@ -1,5 +1,6 @@
 //! What the named models do.
 
+use crate::RKMK8;
 use somersault_contact::event::EventKind::{self, Release, Slip, Stick, TouchDown};
 use somersault_contact::laws::ContactMode;
 use somersault_contact::models::{
@@ -8,7 +9,6 @@ use somersault_contact::models::{
 use somersault_contact::tree::{Ledger, TouchingState, TreeInContact};
 use somersault_integrators::driver::{Adaptive, Steps};
 use somersault_integrators::events::Location;
-use somersault_integrators::methods::Method;
 use somersault_integrators::run::Run;
 use somersault_multibody::motion::TreeForces;
 
@@ -17,7 +17,8 @@ fn run(scene: &TreeContactSystem, end: f64) -> (TouchingState, Vec<(String, Even
     let system = scene.in_contact().unwrap();
     let start = system.unstretched(scene.start().unwrap());
     let steps = Steps::adapted((0.0, end), Adaptive::with_tolerances(1e-8, 1e-10));
-    let run = Run::new(&system, Method::Rkmk8, steps).locating(Location::default()).from(&start).unwrap();
+    let run =
+        Run::by_embedded_stepper(&system, &RKMK8, steps).locating(Location::default()).from(&start).unwrap();
     // guards are those of gaps, and then those of friction
     let name = |guard: usize| scene.contacts[guard % scene.contacts.len()].name().to_owned();
     (run.state, run.events.iter().map(|event| (name(event.guard), event.kind)).collect())

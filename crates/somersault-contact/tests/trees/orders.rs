@@ -1,7 +1,7 @@
 //! Observed orders: located events keep the order of a method, steps that straddle them are of order 1.
 
-use crate::passive;
 use crate::scenes::{absolute, chain, chain_start};
+use crate::{in_contact, passive};
 use somersault_contact::models::{HoppingLeg, PlanarBiped};
 use somersault_contact::tree::{TouchingState, TreeInContact};
 use somersault_integrators::driver::{Adaptive, Steps, TimeGrid};
@@ -49,7 +49,7 @@ fn keeps_orders<F: TreeForces>(
 #[test]
 fn the_leg_keeps_the_orders_of_methods() {
     let leg = HoppingLeg::example().unwrap().system().unwrap();
-    let system = leg.in_contact().unwrap();
+    let system = in_contact(&leg);
     let start = system.unstretched(leg.start().unwrap());
     let methods = [
         (Method::Rk4, 800.0, 3.8, 4.8),
@@ -76,7 +76,7 @@ fn the_chain_keeps_the_orders_of_methods() {
 #[test]
 fn the_step_of_a_biped_keeps_the_orders_of_methods() {
     let biped = PlanarBiped::example().unwrap().system().unwrap();
-    let system = biped.in_contact().unwrap();
+    let system = in_contact(&biped);
     let start = system.unstretched(biped.start().unwrap());
     let methods = [
         (Method::Rkmk, 2000.0, 3.8, 4.8),

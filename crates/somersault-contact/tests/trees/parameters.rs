@@ -1,7 +1,7 @@
 //! Derivatives by what describes a tree, by knots of joint forces, and of trees with driven joints: differences of runs.
 
 use crate::gradients::{between, column, differentiate, error, error_by_state, reached, touching_links};
-use crate::{Torques, passive};
+use crate::{Torques, in_contact, passive};
 use nalgebra::{DMatrix, DVector, Matrix3, Vector3};
 use somersault_contact::contacts::Contact;
 use somersault_contact::event::EventKind;
@@ -44,13 +44,13 @@ fn leg(change: impl Fn(&mut HoppingLeg)) -> HoppingLeg {
 
 fn leg_runs(leg: &HoppingLeg, start: &TreeState, grid: TimeGrid) -> (TreeState, Vec<f64>) {
     let system = leg.system().unwrap();
-    reached(&system.in_contact().unwrap(), start, grid)
+    reached(&in_contact(&system), start, grid)
 }
 
 #[test]
 fn derivatives_by_masses_centres_inertias_and_lengths_are_differences_of_runs() {
     let example = HoppingLeg::example().unwrap().system().unwrap();
-    let (system, start) = (example.in_contact().unwrap(), example.start().unwrap());
+    let (system, start) = (in_contact(&example), example.start().unwrap());
     let grid = TimeGrid::try_new(0.0, 0.3, 5e-4).unwrap();
     let (thigh, shank) = (1, 2);
     let placed = |i: usize| *example.model.links()[i].origin() / example.model.links()[i].origin().norm();
@@ -319,7 +319,7 @@ impl BodyWrenches for Wind {
 #[test]
 fn parameters_that_a_tree_does_not_have_are_refused() {
     let example = HoppingLeg::example().unwrap().system().unwrap();
-    let (system, start) = (example.in_contact().unwrap(), example.start().unwrap());
+    let (system, start) = (in_contact(&example), example.start().unwrap());
     let grid = TimeGrid::try_new(0.0, 0.01, 1e-3).unwrap();
     let reason = |by: Parameter| {
         let by = Differentiation::by([by]);

@@ -1,7 +1,7 @@
 //! Forces, Jacobians and a pose at rest, against dynamics.
 
-use crate::scenes::chain;
 use crate::{Torques, passive};
+use crate::{in_contact, scenes::chain};
 use nalgebra::{DVector, Vector3};
 use somersault_contact::ContactError;
 use somersault_contact::contacts::Contact;
@@ -105,7 +105,7 @@ fn forces_and_jacobians_are_those_of_the_dynamics() {
 #[test]
 fn momentum_changes_by_weight_and_contacts() {
     let scene = Ragdoll::example().unwrap().system().unwrap();
-    let system = scene.in_contact().unwrap();
+    let system = in_contact(&scene);
     let start = system.unstretched(scene.start().unwrap());
     let steps = Steps::adapted((0.0, 0.6), Adaptive::with_tolerances(1e-6, 1e-8));
     let run = Run::new(&system, Method::Rkmk8, steps).locating(Location::default());

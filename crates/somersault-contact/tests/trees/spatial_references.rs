@@ -2,7 +2,7 @@
 //!
 //! The literals are printed by tests/derivations/spatial_trees_in_contact.py: Pinocchio and DOP853 in pieces between located events.
 
-use crate::{Motions, passive};
+use crate::{Motions, RKMK8, passive};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use somersault_contact::contacts::Contact;
 use somersault_contact::laws::ContactLaw;
@@ -14,7 +14,6 @@ use somersault_contact::tree::{
 };
 use somersault_integrators::driver::{Adaptive, Steps};
 use somersault_integrators::events::Location;
-use somersault_integrators::methods::Method;
 use somersault_integrators::run::Run;
 use somersault_multibody::motion::{JointDrive, TreeForces, TreeSystem};
 use somersault_multibody::{Joint, Link, MassProperties, Model};
@@ -60,7 +59,8 @@ fn compare<F: TreeForces, D: JointDrive>(
     end: &End<'_>,
 ) {
     let steps = Steps::adapted((0.0, end.time), Adaptive::with_tolerances(1e-13, 1e-13));
-    let run = Run::new(system, Method::Rkmk8, steps).locating(Location::default()).from(start).unwrap();
+    let run =
+        Run::by_embedded_stepper(system, &RKMK8, steps).locating(Location::default()).from(start).unwrap();
     let mut v = vec![0.0; system.model().n_velocities()];
     system.model().joint_velocities(&run.state.base(), &mut v).unwrap();
     let found = [run.state.configuration.0.as_slice(), &v];

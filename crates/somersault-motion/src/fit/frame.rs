@@ -128,8 +128,8 @@ pub(super) struct FrameFitter<'a> {
     /// 6 × degrees of freedom, of a marker and of the root.
     of_marker: DMatrix<f64>,
     of_root: DMatrix<f64>,
-    /// √weight times derivative of the residuals, three rows for each marker.
-    jacobian: DMatrix<f64>,
+    /// √weight times derivative of the place of a marker by each unknown that moves it.
+    moved: Vec<(usize, Vector3<f64>)>,
     /// √weight times residuals.
     residual: DVector<f64>,
     /// Jᵀ W J and Jᵀ W e.
@@ -203,7 +203,7 @@ impl<'a> FrameFitter<'a> {
             data: Data::new(model),
             of_marker: DMatrix::zeros(6, model.n_velocities()),
             of_root: DMatrix::zeros(6, model.n_velocities()),
-            jacobian: DMatrix::zeros(rows, n),
+            moved: Vec::with_capacity(n),
             residual: DVector::zeros(rows),
             normal: DMatrix::zeros(n, n),
             gradient: vec![0.0; n],
@@ -365,11 +365,9 @@ impl<'a> FrameFitter<'a> {
         program.solve().ok()?;
         let step = &program.solution;
         let mut predicted = -step.dot(&program.gradient);
-        for i in 0..n {
-            for j in 0..n {
-                let h = if i >= j { self.normal[(i, j)] } else { self.normal[(j, i)] };
-                predicted -= 0.5 * step[i] * h * step[j];
-            }
+        for (j, column) in self.normal.column_iter().enumerate() {
+            let below: f64 = (j + 1..n).map(|i| column[i] * step[i]).sum();
+            predicted -= (0.5 * column[j] * step[j] + below) * step[j];
         }
         predicted.is_finite().then_some(predicted)
     }
@@ -408,7 +406,7 @@ impl<'a> FrameFitter<'a> {
         self.markers.markers().iter().zip(targets).map(distance).collect()
     }
 
-    /// Residuals, Jacobian, normal matrix and gradient; returns the cost.
+    /// Residuals, normal matrix and gradient; returns the cost.
     ///
     /// With x = r + s d the derivative by the scale is d, by rates J_root + s (J_marker − J_root): of the rates
     /// of the root's place d does not depend.
@@ -419,11 +417,13 @@ impl<'a> FrameFitter<'a> {
         let positions = self.model.positions(&mut self.data, &estimate.q)?;
         let root = positions.pose(0)?.translation;
         positions.jacobian_into(0, &Transform::identity(), Axes::World, &mut self.of_root)?;
+        let n_direct = if weights_at.is_some() { n_root } else { self.of_root.ncols() };
         let mut cost = 0.0;
+        self.normal.fill(0.0);
+        self.gradient.fill(0.0);
         for (k, (marker, target)) in self.markers.markers().iter().zip(targets).enumerate() {
             let Some(target) = target else {
                 self.residual.rows_mut(3 * k, 3).fill(0.0);
-                self.jacobian.rows_mut(3 * k, 3).fill(0.0);
                 continue;
             };
             let arm = positions.pose(marker.body)?.point(&marker.point) - root;
@@ -433,30 +433,42 @@ impl<'a> FrameFitter<'a> {
             let weight = (marker.weight * target.weight * slope).sqrt();
             let frame = Transform::translation(marker.point);
             positions.jacobian_into(marker.body, &frame, Axes::World, &mut self.of_marker)?;
-            for axis in 0..3 {
-                let row = 3 * k + axis;
-                self.residual[row] = weight * error[axis];
-                self.jacobian[(row, 0)] = weight * arm[axis];
-                let by_rate = |rate: usize| {
-                    let of_root = self.of_root[(axis, rate)];
-                    weight * (of_root + scale * (self.of_marker[(axis, rate)] - of_root))
-                };
-                let n_direct = if weights_at.is_some() { n_root } else { self.of_root.ncols() };
-                for rate in 0..n_direct {
-                    self.jacobian[(row, 1 + rate)] = by_rate(rate);
-                }
-                if let (Some(first), Some(base)) = (weights_at, self.unknowns.base()) {
-                    for (w, direction) in base.directions().column_iter().enumerate() {
-                        let along = direction.iter().enumerate().map(|(j, d)| d * by_rate(n_root + j));
-                        self.jacobian[(row, first + w)] = along.sum();
-                    }
+            let (of_root, of_marker) = (self.of_root.as_slice(), self.of_marker.as_slice());
+            let by_rate = |rate: usize| {
+                let (root, marker) = (&of_root[6 * rate..][..3], &of_marker[6 * rate..][..3]);
+                Vector3::new(
+                    weight * (root[0] + scale * (marker[0] - root[0])),
+                    weight * (root[1] + scale * (marker[1] - root[1])),
+                    weight * (root[2] + scale * (marker[2] - root[2])),
+                )
+            };
+            self.moved.clear();
+            self.moved.push((0, arm * weight));
+            for rate in 0..n_direct {
+                let by = by_rate(rate);
+                // most joints are not between the root and the marker
+                if by != Vector3::zeros() {
+                    self.moved.push((1 + rate, by));
                 }
             }
-        }
-        for (j, column) in self.jacobian.column_iter().enumerate() {
-            self.gradient[j] = column.dot(&self.residual);
-            for i in j..self.normal.nrows() {
-                self.normal[(i, j)] = column.dot(&self.jacobian.column(i));
+            if let (Some(first), Some(base)) = (weights_at, self.unknowns.base()) {
+                for (w, direction) in base.directions().column_iter().enumerate() {
+                    let mut by = Vector3::zeros();
+                    for (j, factor) in direction.iter().enumerate() {
+                        by += by_rate(n_root + j) * *factor;
+                    }
+                    self.moved.push((first + w, by));
+                }
+            }
+            let residual = error * weight;
+            self.residual.fixed_rows_mut::<3>(3 * k).copy_from(&residual);
+            let n = self.gradient.len();
+            for (first, (j, by)) in self.moved.iter().enumerate() {
+                self.gradient[*j] += by.x * residual.x + by.y * residual.y + by.z * residual.z;
+                let column = &mut self.normal.as_mut_slice()[j * n..][..n];
+                for (i, other) in &self.moved[first..] {
+                    column[*i] += by.x * other.x + by.y * other.y + by.z * other.z;
+                }
             }
         }
         Ok(cost)
@@ -503,13 +515,16 @@ impl<'a> FrameFitter<'a> {
         let mut inverse = DMatrix::zeros(n, n);
         let mut status = vec![UnknownStatus::Determined; n];
         let mut rank = 0;
+        let mut along = DVector::zeros(m);
         for (value, vector) in pairs() {
             let is_held = across.dot(&vector).abs() > 1.0 - SINGULAR.sqrt();
             if *value > SINGULAR * greatest {
                 rank += 1;
-                for a in 0..m {
-                    for b in 0..m {
-                        inverse[(free[a], free[b])] += scale[a] * vector[a] * vector[b] * scale[b] / value;
+                along.cmpy(1.0, &vector, &scale, 0.0);
+                for (b, y) in along.iter().enumerate() {
+                    let mut column = inverse.column_mut(free[b]);
+                    for (a, x) in along.iter().enumerate() {
+                        column[free[a]] += x * y / value;
                     }
                 }
             } else if !is_held {

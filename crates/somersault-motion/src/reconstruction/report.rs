@@ -8,7 +8,7 @@ use super::normal::{Linearized, Placed};
 use super::search::Search;
 use super::unknowns::Estimate;
 use crate::noise::standard_deviation;
-use nalgebra::{DMatrix, DVector, Matrix3, Matrix3xX, RowDVector, UnitQuaternion, Vector3};
+use nalgebra::{DMatrix, DMatrixView, DVector, Matrix3, Matrix3xX, RowDVector, UnitQuaternion, Vector3};
 use somersault_core::lie::so3::hat;
 use somersault_multibody::counting::{BodyAngles, Counting, turns_about_z};
 use somersault_multibody::flight::{Flight, FlightData, TakeOff};
@@ -62,7 +62,6 @@ impl Report<'_> {
             }
             flown.add_channels(&mut by_rate, &Matrix3::identity(), &rate, t, &knots);
             let by_rate = placed.turn * (by_rate - hat(&rate.angular_velocity) * &by_attitude);
-            let of_rate = &by_rate * covariance * by_rate.transpose();
             // configuration and velocity: those at scale 1 with the centre of mass at rest in the origin, moved and stretched
             flown.pose(estimate, t, &attitude.orientation, room);
             let (mut q, mut v) = (room.q.clone(), room.v.clone());
@@ -84,16 +83,22 @@ impl Report<'_> {
                 q[k] = place[k];
                 v[k] = v[k] * estimate.scale + carried[k];
             }
-            let spread = &by_attitude * covariance;
-            let of_attitude = &spread * by_attitude.transpose();
-            let of_frame = self.frame_covariance(flown, covariance, t, &spread, &of_attitude, &room.channels);
             let direction = estimate.momentum.try_normalize(f64::MIN_POSITIVE).unwrap_or_else(Vector3::y);
             let inertia = inertia_of(model, &mut data, &q, &placed.turn)? * estimate.scale.powi(2);
             let moment = direction.dot(&(inertia * direction));
             let by_moment =
                 self.moment_gradient(search, estimate, &q, t, &direction, attitude, placed, &mut data)?;
-            let moment_of_inertia_deviation =
-                standard_deviation((&by_moment * covariance * by_moment.transpose())[(0, 0)]);
+            // products with the covariance, which is large, all at once
+            let mut rows = DMatrix::zeros(7, n);
+            rows.fixed_rows_mut::<3>(0).copy_from(&by_rate);
+            rows.fixed_rows_mut::<3>(3).copy_from(&by_attitude);
+            rows.row_mut(6).copy_from(&by_moment);
+            let spread = &rows * covariance;
+            let covariances = &spread * rows.transpose();
+            let of_attitude = covariances.fixed_view::<3, 3>(3, 3).into_owned();
+            let Search { flown, room, .. } = search;
+            let of_frame =
+                self.frame_covariance(flown, covariance, t, &spread.rows(3, 3), &of_attitude, &room.channels);
             let by_turn = self.counting().gradients(&travelling[i])[0];
             let inclination_deviation = standard_deviation(by_turn.dot(&(of_attitude * by_turn)));
             found.push(FlightFrame {
@@ -104,10 +109,10 @@ impl Report<'_> {
                 center_of_mass: center,
                 angular_velocity: Quantity {
                     value: placed.turn * rate.angular_velocity,
-                    deviation: of_rate.diagonal().map(standard_deviation).fixed_rows::<3>(0).into_owned(),
+                    deviation: Vector3::from_fn(|k, _| standard_deviation(covariances[(k, k)])),
                 },
                 moment_of_inertia: moment,
-                moment_of_inertia_deviation,
+                moment_of_inertia_deviation: standard_deviation(covariances[(6, 6)]),
                 inertia,
                 inclination: turned[i].0.somersault,
                 inclination_deviation,
@@ -158,7 +163,7 @@ impl Report<'_> {
         flown: &Flown<'_>,
         covariance: &DMatrix<f64>,
         t: f64,
-        spread: &Matrix3xX<f64>,
+        spread: &DMatrixView<'_, f64>,
         of_attitude: &Matrix3<f64>,
         channels: &Channels,
     ) -> DMatrix<f64> {

@@ -356,14 +356,14 @@ impl Search<'_> {
             if let Some(known) = Cholesky::new(&block.hessian + DMatrix::identity(n, n)) {
                 let positions = body.model.positions(&mut data, q)?;
                 let by_common = known.solve(&block.mixed);
+                let of_common = &by_common * covariance * by_common.transpose();
                 let mut orientations = Vec::with_capacity(self.model.n_bodies());
                 for i in 0..self.model.n_bodies() {
                     positions.jacobian_into(i, &Transform::identity(), Axes::World, &mut jacobian)?;
                     self.turn_balls(&positions, i, &positions.pose(i)?.translation, &mut jacobian)?;
                     let turns: Matrix3xX<f64> = jacobian.fixed_rows::<3>(3).into_owned();
-                    let shared = &turns * &by_common;
                     let alone: Matrix3<f64> = &turns * known.solve(&turns.transpose());
-                    let in_common: Matrix3<f64> = &shared * covariance * shared.transpose();
+                    let in_common: Matrix3<f64> = &turns * &of_common * turns.transpose();
                     orientations.push([alone, in_common]);
                 }
                 for (k, marker) in self.markers.markers().iter().enumerate() {

@@ -206,7 +206,7 @@ fn persons_who_move_are_covered_in(spatial: Range<u64>, video: Range<u64>, plana
 
 #[test]
 fn persons_who_move_are_covered() {
-    persons_who_move_are_covered_in(0..3, 5..6, 0..5);
+    persons_who_move_are_covered_in(0..2, 5..6, 0..4);
 }
 
 #[test]
