@@ -580,7 +580,11 @@ impl<'a> FrameFitter<'a> {
                 (0..status.len()).map(|k| inverse[(j, k)] * coupling(k)).sum::<f64>() * coupling(j)
             };
             let curvature = self.normal[(i, i)] - (0..status.len()).map(taken).sum::<f64>();
-            let gain = self.gradient[i] * self.gradient[i] / curvature.max(f64::MIN_POSITIVE);
+            // where free unknowns move the markers alike, the limit holds nothing and what is left of the curvature is rounding
+            if curvature <= SINGULAR * self.normal[(i, i)] {
+                continue;
+            }
+            let gain = self.gradient[i] * self.gradient[i] / curvature;
             if gain > BEYOND * BEYOND * variance + 2.0 * rounding {
                 status[i] = UnknownStatus::BeyondLimit;
             }

@@ -1,6 +1,6 @@
 //! Fits recover what made the markers, and err as much as linearisation says.
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use somersault_core::argument::ArgumentError;
@@ -11,7 +11,7 @@ use somersault_motion::fit::{
 use somersault_motion::recording::MarkerRecording;
 use somersault_multibody::joint_motion::EigenpostureBase;
 use somersault_multibody::models::{Diver, Posture};
-use somersault_multibody::{Data, Model, ModelBuilder};
+use somersault_multibody::{Data, Joint, Link, MassProperties, Model, ModelBuilder};
 
 /// Two markers on each body with an extent, off the axis so that every joint is seen.
 fn markers(model: &Model) -> MarkerSet {
@@ -604,6 +604,32 @@ fn limits_that_the_markers_contradict_are_told_from_those_they_confirm() {
         // of straight knees one in 740 is beyond three deviations
         let n_beyond = fit.frames.iter().filter(|f| of_knee(f) == UnknownStatus::BeyondLimit).count();
         assert!(if beyond > 0.0 { n_beyond == 40 } else { n_beyond <= 1 }, "{n_beyond} of 40 beyond");
+    }
+}
+
+/// Of two hinges on one axis, which move the markers alike, a limit holds neither back.
+#[test]
+fn limits_of_joints_that_others_stand_in_for_are_not_contradicted() {
+    let part = || MassProperties { mass: 1.0, center: Vector3::zeros(), inertia: Matrix3::identity() };
+    let hinge = || Joint::Revolute { axis: Vector3::z() };
+    let mut builder = ModelBuilder::new();
+    builder.add(Link::root("trunk", Joint::Free, part())).unwrap();
+    builder.add(Link::child("first", "trunk", hinge(), part()).at(Vector3::x() * 0.3)).unwrap();
+    builder.add(Link::child("second", "first", hinge(), part()).with_limits(0.0, 1.0)).unwrap();
+    let model = builder.build().unwrap();
+    let points = [[0.0, 0.0, 0.1], [0.2, 0.1, 0.0], [-0.2, 0.1, 0.0]];
+    let on_trunk = points.iter().enumerate().map(|(k, p)| (format!("trunk {k}"), "trunk".to_owned(), *p));
+    let on_limb = [("elbow", [0.2, 0.03, 0.0]), ("hand", [0.4, 0.0, 0.0])];
+    let on_limb = on_limb.map(|(name, p)| (name.to_owned(), "second".to_owned(), p));
+    let set = MarkerSet::on_bodies(&model, on_trunk.chain(on_limb)).unwrap();
+    let mut q = model.neutral();
+    q[model.positions_of(1).start] = -0.3;
+    for (noise, seed) in [(0.0, 1), (0.002, 2), (0.02, 3)] {
+        let recording = record(&model, &set, &vec![q.clone(); 40], 1.0, noise, seed);
+        let options = FitOptions { scale: Scale::Fixed(1.0), ..FitOptions::default() };
+        let fit = MarkerFit::try_new(&model, set.clone(), options).unwrap().fit(&recording).unwrap();
+        let held = |f: &&FrameFit| f.unknowns.contains(&UnknownStatus::BeyondLimit);
+        assert_eq!(fit.frames.iter().filter(held).count(), 0, "noise {noise}");
     }
 }
 
