@@ -37,6 +37,7 @@
 
 pub mod advice;
 pub mod analysis;
+mod cholesky;
 pub mod fit;
 mod frame_fits;
 pub mod identification;
@@ -49,6 +50,7 @@ pub mod reconstruction;
 pub mod recording;
 pub mod scaling;
 pub mod scoring;
+mod singular;
 pub mod smoothing;
 pub mod synthetic;
 pub mod writers;

@@ -3,15 +3,14 @@
 //! ```text
 //! X − 1 x̄ᵀ = U S Vᵀ,    components: columns of V,    scores: (X − 1 x̄ᵀ) V,    variances: S²/(n − 1)
 //! ```
-//! for n samples, the rows of X. By singular values of X itself (faer; of a triangle of its QR factors where
-//! one side is much longer), never of XᵀX: small components keep their digits, all singular values are accurate
-//! to a rounding of the largest. The sign of a component is chosen so that its largest entry is positive, as in
-//! scikit-learn.
+//! for n samples, the rows of X. By singular values of the triangle of its QR factors, never of XᵀX: small components keep
+//! their digits, all singular values are accurate to a rounding of the largest. The sign of a component is chosen so that
+//! its largest entry is positive, as in scikit-learn.
 //!
 //! Source: I. T. Jolliffe, *Principal Component Analysis*, Springer 2002.
 
 use super::{AnalysisError, expect_finite};
-use faer::MatRef;
+use crate::singular::SingularValues;
 use nalgebra::{DMatrix, DVector};
 use somersault_core::argument::{expect_least, expect_length};
 
@@ -191,13 +190,10 @@ fn right_singular_vectors(
     } else {
         centred.column_iter_mut().zip(mean).for_each(|(mut column, mean)| column.add_scalar_mut(-mean));
     }
-    let view = MatRef::from_column_major_slice(centred.as_slice(), n.max(p), n.min(p));
-    let decomposed = view.thin_svd().map_err(|_| AnalysisError::NoConvergence)?;
-    let singular = decomposed.S().column_vector();
-    let vectors = if p > n { decomposed.U() } else { decomposed.V() };
-    let mut components = DMatrix::zeros(p, k);
-    for (mut component, vector) in components.column_iter_mut().zip(vectors.col_iter()) {
-        component.iter_mut().zip(vector.iter()).for_each(|(entry, x)| *entry = *x);
-    }
-    Ok(((0..singular.nrows()).map(|i| singular[i]).collect(), components))
+    let factors = centred.qr();
+    let triangle = if p > n { factors.r().transpose() } else { factors.r() };
+    let SingularValues { values, vectors, .. } =
+        SingularValues::of(triangle).ok_or(AnalysisError::NoConvergence)?;
+    let vectors = vectors.columns(0, k);
+    Ok((values, if p > n { factors.q() * vectors } else { vectors.into_owned() }))
 }

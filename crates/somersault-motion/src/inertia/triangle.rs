@@ -2,6 +2,7 @@
 //!
 //! C. L. Lawson and R. J. Hanson, *Solving Least Squares Problems*, Prentice-Hall 1974, chapter 27: memory does not grow with the rows.
 
+use crate::singular::SingularValues;
 use nalgebra::{DMatrix, DVector};
 
 /// R with RᵀR = Σ a aᵀ over the rows a.
@@ -40,16 +41,15 @@ impl Triangle {
     }
 }
 
-/// The singular values, descending, and right singular vectors, as rows, of a square matrix; and UᵀB for a vector B. `None` where
-/// a number is not finite or the iteration does not end.
+/// The singular values, descending, and right singular vectors, as rows, of a square matrix; and UᵀB for a vector B, 0 along those of no
+/// image. `None` where a number is not finite or the iteration does not end.
 pub(super) fn singular(
     matrix: DMatrix<f64>,
     image: &DVector<f64>,
 ) -> Option<(DVector<f64>, DMatrix<f64>, DVector<f64>)> {
-    if matrix.iter().any(|x| !x.is_finite()) {
-        return None;
-    }
-    let found = matrix.try_svd(true, true, f64::EPSILON, 1000)?;
-    let (u, v) = (found.u?, found.v_t?);
-    Some((found.singular_values, v, u.tr_mul(image)))
+    let SingularValues { values, vectors, images } = SingularValues::of(matrix)?;
+    let along = |(image_of, value): (f64, &f64)| if *value > 0.0 { image_of / value } else { 0.0 };
+    let images = images.tr_mul(image);
+    let image = DVector::from_iterator(values.len(), images.iter().copied().zip(&values).map(along));
+    Some((DVector::from_vec(values), vectors.transpose(), image))
 }

@@ -5,10 +5,9 @@ use super::attitude::{Attitude, Flown, Room, turn_of};
 use super::departure;
 use super::joints::ACTIVE;
 use super::unknowns::{Estimate, Layout};
+use crate::cholesky::add_square;
 use crate::fit::MarkerSet;
 use crate::noise::{MarkerNoise, Whitening, whitening};
-use faer::linalg::matmul::triangular::{BlockStructure, matmul};
-use faer::{Accum, Mat, MatRef, Par};
 use nalgebra::{DMatrix, Matrix3, MatrixXx3, Vector3};
 use rayon::prelude::*;
 use somersault_core::lie::so3::hat;
@@ -53,7 +52,7 @@ pub(super) struct Linearized {
 /// ½ of the squares as a quadratic function of the unknowns.
 pub(super) struct Normal {
     /// Jᵀ C⁻¹ J, its lower half.
-    pub(super) matrix: Mat<f64>,
+    pub(super) matrix: DMatrix<f64>,
     /// Jᵀ C⁻¹ r.
     pub(super) gradient: Vec<f64>,
     /// rᵀ C⁻¹ r.
@@ -221,15 +220,12 @@ impl Flown<'_> {
                     let head = self.layout.coefficients();
                     let columns = head + range.start * self.layout.n_channels
                         ..head + range.end * self.layout.n_channels;
-                    let mut rows: Mat<f64> = Mat::zeros(head + columns.len(), chunk.len() * d);
+                    let mut rows = DMatrix::zeros(head + columns.len(), chunk.len() * d);
                     for j in chunk.clone() {
                         let (i, step) = (seen[j], &steps[j]);
                         for (axis, mean) in means.iter_mut().enumerate() {
-                            let mut out = rows.col_mut((j - first) * d + axis);
-                            let Some(out) = out.as_mut().try_as_col_major_mut().map(|c| c.as_slice_mut())
-                            else {
-                                continue;
-                            };
+                            let mut out = rows.column_mut((j - first) * d + axis);
+                            let out = out.as_mut_slice();
                             self.row(
                                 observed,
                                 estimate,
@@ -346,7 +342,7 @@ impl Flown<'_> {
 impl Normal {
     fn zero(n: usize) -> Self {
         Self {
-            matrix: Mat::zeros(n, n),
+            matrix: DMatrix::zeros(n, n),
             gradient: vec![0.0; n],
             squares: 0.0,
             log_determinant: 0.0,
@@ -356,19 +352,14 @@ impl Normal {
 
     /// Adds the products of `rows`, a column for each residual, with themselves and with the residuals `white`: of the first `head`
     /// unknowns and of those in `columns`.
-    fn add(&mut self, rows: &Mat<f64>, head: usize, columns: &Range<usize>, white: &[f64]) {
-        let (lower, all) = (BlockStructure::TriangularLower, BlockStructure::Rectangular);
+    fn add(&mut self, rows: &DMatrix<f64>, head: usize, columns: &Range<usize>, white: &[f64]) {
         let width = columns.len();
-        let of_head = rows.submatrix(0, 0, head, rows.ncols());
-        let of_knots = rows.submatrix(head, 0, width, rows.ncols());
-        let mut product = |(i, j), structure, a: MatRef<'_, f64>, b: MatRef<'_, f64>| {
-            let target = self.matrix.submatrix_mut(i, j, a.nrows(), b.nrows());
-            matmul(target, structure, Accum::Add, a, all, b.transpose(), all, 1.0, Par::Seq);
-        };
-        product((0, 0), lower, of_head, of_head);
-        product((columns.start, 0), all, of_knots, of_head);
-        product((columns.start, columns.start), lower, of_knots, of_knots);
-        for (column, x) in rows.col_iter().zip(white) {
+        let of_head = rows.rows(0, head).into_owned();
+        let of_knots = rows.rows(head, width).into_owned();
+        add_square(self.matrix.view_range_mut(..head, ..head), 1.0, &of_head);
+        self.matrix.view_range_mut(columns.clone(), ..head).gemm(1.0, &of_knots, &of_head.transpose(), 1.0);
+        add_square(self.matrix.view_range_mut(columns.clone(), columns.clone()), 1.0, &of_knots);
+        for (column, x) in rows.column_iter().zip(white) {
             for i in 0..head {
                 self.gradient[i] += column[i] * x;
             }

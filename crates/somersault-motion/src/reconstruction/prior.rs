@@ -7,7 +7,6 @@
 
 use super::joints::JointSplines;
 use super::unknowns::{Estimate, Layout};
-use faer::Mat;
 use nalgebra::DMatrix;
 use std::ops::Range;
 
@@ -116,7 +115,7 @@ impl Prior {
         splines: &JointSplines,
         estimate: &Estimate,
         knots: &Range<usize>,
-        matrix: &mut Mat<f64>,
+        matrix: &mut DMatrix<f64>,
         gradient: &mut [f64],
     ) -> f64 {
         let mut squares = 0.0;

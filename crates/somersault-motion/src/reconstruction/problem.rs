@@ -22,7 +22,6 @@ use crate::noise::MarkerNoise;
 use crate::noise::standard_deviation;
 use crate::phases::{FlightPhase, PhaseStatus, find_flight};
 use crate::recording::MarkerRecording;
-use faer::Mat;
 use nalgebra::{DMatrix, Vector3};
 use somersault_core::argument::expect_range;
 use somersault_core::cancel::CancellationToken;
@@ -466,7 +465,7 @@ impl FlightReconstruction {
         let measured = search.normal(&search.estimate, &frames, None, &search.noise, at);
         // unknowns that the data determine: n − tr(P Σ)
         let n = covariance.nrows();
-        let mut prior = Mat::zeros(n, n);
+        let mut prior = DMatrix::zeros(n, n);
         let mut gradient = vec![0.0; n];
         search.prior.add(layout, splines, &search.estimate, &knots, &mut prior, &mut gradient);
         let mut trace = 0.0;

@@ -16,9 +16,8 @@ use super::departure::{FUNCTIONS, N_FUNCTIONS, PUSHES, push_time};
 use super::flight::{Departure, FOLLOWED, Quantity};
 use super::normal::Normal;
 use super::search::Search;
+use crate::cholesky::Cholesky;
 use crate::noise::chi_squared_quantile;
-use faer::linalg::solvers::Solve;
-use faer::{Mat, Side};
 use nalgebra::{DMatrix, DVector, Vector3};
 use std::ops::Range;
 
@@ -56,13 +55,14 @@ struct Score {
 
 impl Score {
     /// None where the Hessian of all other unknowns has no inverse.
-    fn of(matrix: &Mat<f64>, gradient: &[f64], unknowns: Vec<usize>) -> Option<Self> {
+    fn of(matrix: &DMatrix<f64>, gradient: &[f64], unknowns: Vec<usize>) -> Option<Self> {
         let others: Vec<usize> = (0..gradient.len()).filter(|k| !unknowns.contains(k)).collect();
         // the lower half is the matrix
         let at = |i: usize, j: usize| matrix[(i.max(j), i.min(j))];
-        let of_others = Mat::from_fn(others.len(), others.len(), |i, j| at(others[i], others[j]));
-        let mixed = Mat::from_fn(others.len(), unknowns.len(), |i, j| at(others[i], unknowns[j]));
-        let solved = of_others.llt(Side::Lower).ok()?.solve(&mixed);
+        let of_others = DMatrix::from_fn(others.len(), others.len(), |i, j| at(others[i], others[j]));
+        let mixed = DMatrix::from_fn(others.len(), unknowns.len(), |i, j| at(others[i], unknowns[j]));
+        let mut solved = mixed.clone();
+        Cholesky::of(of_others)?.solve_of(&mut solved);
         let followed = mixed.transpose() * &solved;
         let n = unknowns.len();
         let hessian = DMatrix::from_fn(n, n, |i, j| at(unknowns[i], unknowns[j]) - followed[(i, j)]);

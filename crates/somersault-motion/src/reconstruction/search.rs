@@ -6,10 +6,9 @@ use super::normal::{Kinematics, Linearized, Normal, Observed, Placed, Trust};
 use super::prior::Prior;
 use super::unknowns::Estimate;
 use super::{ReconstructionError, ReconstructionStatus};
+use crate::cholesky::Cholesky;
 use crate::fit::{FitError, MarkerSet};
 use crate::noise::{MarkerNoise, most_likely, most_likely_size};
-use faer::linalg::solvers::{DenseSolveCore, Llt, Solve};
-use faer::{Mat, Side};
 use nalgebra::DMatrix;
 use somersault_core::cancel::CancellationToken;
 use std::ops::Range;
@@ -262,11 +261,9 @@ impl<'a> Search<'a> {
             self.normal(&estimate, &frames, Some(&knots), noise, &at);
         let Flown { layout, splines, .. } = self.flown;
         self.prior.add(layout, splines, &estimate, &knots, &mut matrix, &mut gradient);
-        let Ok(factor) = matrix.llt(Side::Lower) else { return Ok(None) };
-        let inverse = factor.inverse();
-        let n = inverse.nrows();
-        let covariance = DMatrix::from_fn(n, n, |i, j| inverse[(i.max(j), i.min(j))]);
-        let is_sound = (0..n).all(|i| covariance[(i, i)].is_finite() && covariance[(i, i)] > 0.0);
+        let Some(factor) = Cholesky::of(matrix) else { return Ok(None) };
+        let covariance = factor.inverse();
+        let is_sound = covariance.diagonal().iter().all(|x| x.is_finite() && *x > 0.0);
         Ok(is_sound.then_some((covariance, at)))
     }
 
@@ -290,7 +287,7 @@ impl<'a> Search<'a> {
         let unit = MarkerNoise { size: 1.0, ..noise };
         let measured = self.normal(&estimate, &frames, Some(&knots), &unit, at);
         let n = measured.gradient.len();
-        let mut matrix = Mat::zeros(n, n);
+        let mut matrix = DMatrix::zeros(n, n);
         let mut gradient = vec![0.0; n];
         let Flown { layout, splines, .. } = self.flown;
         let squares = self.prior.add(layout, splines, &estimate, &knots, &mut matrix, &mut gradient);
@@ -302,35 +299,32 @@ impl<'a> Search<'a> {
                     hessian[(i, j)] += measured.matrix[(i, j)] * precision;
                 }
             }
-            let Ok(factor) = hessian.llt(Side::Lower) else { return f64::INFINITY };
-            let total: Vec<f64> =
+            let Some(factor) = Cholesky::of(hessian) else { return f64::INFINITY };
+            let mut solved: Vec<f64> =
                 measured.gradient.iter().zip(&gradient).map(|(a, b)| a * precision + b).collect();
-            let right = Mat::from_fn(n, 1, |i, _| total[i]);
-            let solved = factor.solve(&right);
-            let gain: f64 = total.iter().enumerate().map(|(i, x)| x * solved[(i, 0)]).sum();
-            let log_det: f64 = (0..n).map(|i| 2.0 * factor.L()[(i, i)].ln()).sum();
+            // gᵀ A⁻¹ g
+            factor.solve_lower(&mut solved);
+            let gain: f64 = solved.iter().map(|x| x * x).sum();
             measured.n_measured as f64 * 2.0 * log
                 + measured.log_determinant
                 + measured.squares * precision
                 + squares
                 - gain
-                + log_det
+                + factor.log_determinant()
         };
         Ok(most_likely_size(noise.size, value))
     }
 }
 
 /// The step that the damped quadratic model ends at, and twice by how much the model falls.
-pub(super) fn damped_step(matrix: &Mat<f64>, gradient: &[f64], damping: f64) -> Option<(Vec<f64>, f64)> {
+pub(super) fn damped_step(matrix: &DMatrix<f64>, gradient: &[f64], damping: f64) -> Option<(Vec<f64>, f64)> {
     let n = gradient.len();
     let mut damped = matrix.clone();
     for i in 0..n {
         damped[(i, i)] += damping * matrix[(i, i)].max(f64::MIN_POSITIVE);
     }
-    let factor: Llt<f64> = damped.llt(Side::Lower).ok()?;
-    let right = Mat::from_fn(n, 1, |i, _| -gradient[i]);
-    let solved = factor.solve(&right);
-    let step: Vec<f64> = (0..n).map(|i| solved[(i, 0)]).collect();
+    let mut step: Vec<f64> = gradient.iter().map(|g| -g).collect();
+    Cholesky::of(damped)?.solve(&mut step);
     let decrement = -step.iter().zip(gradient).map(|(x, g)| x * g).sum::<f64>();
     step.iter().all(|x| x.is_finite()).then_some((step, decrement))
 }

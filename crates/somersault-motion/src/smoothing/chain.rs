@@ -12,16 +12,13 @@
 //! Sources: H. E. Rauch, F. Tung and C. T. Striebel, AIAA J. 3 (1965) 1445; G. A. Einicke, *Smoothing, Filtering and Prediction*, 2012,
 //! chapter 6.
 
-use faer::linalg::matmul::matmul as multiply;
-use faer::linalg::matmul::triangular::{BlockStructure, matmul};
-use faer::linalg::solvers::Llt;
-use faer::linalg::triangular_solve::{solve_lower_triangular_in_place, solve_upper_triangular_in_place};
-use faer::{Accum, Mat, MatRef, Par, Side};
+use crate::cholesky::{Cholesky, add_square, blocks};
+use nalgebra::{DMatrix, DVector};
 
 /// What a frame adds to the equations.
 pub(super) struct Block {
     /// Aᵢ, its lower half.
-    pub(super) matrix: Mat<f64>,
+    pub(super) matrix: DMatrix<f64>,
     pub(super) gradient: Vec<f64>,
     /// h.
     pub(super) border: Vec<f64>,
@@ -31,7 +28,12 @@ pub(super) struct Block {
 
 impl Block {
     fn new(n: usize) -> Self {
-        Self { matrix: Mat::zeros(n, n), gradient: vec![0.0; n], border: vec![0.0; n], coupling: Vec::new() }
+        Self {
+            matrix: DMatrix::zeros(n, n),
+            gradient: vec![0.0; n],
+            border: vec![0.0; n],
+            coupling: Vec::new(),
+        }
     }
 
     fn clear(&mut self) {
@@ -46,7 +48,7 @@ impl Block {
 pub(super) struct Factor {
     n: usize,
     /// Dᵢ = L Lᵀ of each frame; the last alone if no solution was requested.
-    lower: Vec<Llt<f64>>,
+    lower: Vec<Cholesky>,
     couplings: Vec<Vec<(usize, usize, f64)>>,
     /// L⁻¹ g and L⁻¹ h.
     gradients: Vec<Vec<f64>>,
@@ -62,7 +64,7 @@ pub(super) struct Factor {
 /// The covariance of the unknowns of a frame, of those of the next if it is not the last, and of the one that all frames share, which has
 /// the variance 0 where it is known.
 pub(super) struct Covariance {
-    matrix: Mat<f64>,
+    matrix: DMatrix<f64>,
 }
 
 /// The place in a row of the unknown that all frames share.
@@ -95,13 +97,19 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// L⁻¹ x, or L⁻ᵀ x, in place.
-fn solve_with(factor: &Llt<f64>, transposed: bool, x: &mut [f64]) {
-    let right = faer::MatMut::from_column_major_slice_mut(x, factor.L().nrows(), 1);
-    if transposed {
-        solve_upper_triangular_in_place(factor.L().transpose(), right, Par::Seq);
-    } else {
-        solve_lower_triangular_in_place(factor.L(), right, Par::Seq);
+/// For each row of Bᵀ the columns, from the first on, of which one has an entry in it or above: the others of L⁻¹ Bᵀ are zero there.
+fn reach(coupling: &[(usize, usize, f64)], reached: &mut [usize]) {
+    reached.fill(0);
+    coupling.iter().for_each(|(row, column, _)| reached[*column] = reached[*column].max(row + 1));
+    (1..reached.len()).for_each(|k| reached[k] = reached[k].max(reached[k - 1]));
+}
+
+/// Subtracts XᵀX from the lower half of a matrix; the columns of X beyond those `reached` in a row are zero there.
+fn subtract_square(matrix: &mut DMatrix<f64>, x: &DMatrix<f64>, reached: &[usize]) {
+    for rows in blocks(x.nrows()) {
+        let width = reached[rows.end - 1];
+        let part = x.view_range(rows, ..width).transpose();
+        add_square(matrix.view_range_mut(..width, ..width), -1.0, &part);
     }
 }
 
@@ -133,34 +141,34 @@ impl Factor {
         };
         let mut block = Block::new(n);
         // L⁻¹ Bᵀ of the frame before
-        let mut joined: Mat<f64> = Mat::zeros(n, n);
+        let mut joined = DMatrix::zeros(n, n);
+        let mut reached = vec![0; n];
         for i in 0..n_frames {
             block.clear();
             if !assemble(i, &mut block) {
                 return None;
             }
             if let (Some(gradient), Some(border)) = (found.gradients.last(), found.borders.last()) {
-                let (lower, all) = (BlockStructure::TriangularLower, BlockStructure::Rectangular);
-                let target = block.matrix.as_mut();
-                matmul(target, lower, Accum::Add, joined.transpose(), all, &joined, all, -1.0, Par::Seq);
-                for (k, column) in joined.col_iter().enumerate() {
+                subtract_square(&mut block.matrix, &joined, &reached);
+                for (k, column) in joined.column_iter().enumerate() {
                     for (j, x) in column.iter().enumerate() {
                         block.gradient[k] -= x * gradient[j];
                         block.border[k] -= x * border[j];
                     }
                 }
             }
-            let factor = block.matrix.llt(Side::Lower).ok()?;
+            let factor = Cholesky::of(block.matrix.clone())?;
             let mut gradient = block.gradient.clone();
             let mut border = block.border.clone();
-            solve_with(&factor, false, &mut gradient);
-            solve_with(&factor, false, &mut border);
-            found.log_determinant += (0..n).map(|k| 2.0 * factor.L()[(k, k)].ln()).sum::<f64>();
+            factor.solve_lower(&mut gradient);
+            factor.solve_lower(&mut border);
+            found.log_determinant += factor.log_determinant();
             found.fall += dot(&gradient, &gradient);
             if i + 1 < n_frames {
                 joined.fill(0.0);
                 block.coupling.iter().for_each(|(row, column, value)| joined[(*column, *row)] += value);
-                solve_lower_triangular_in_place(factor.L(), joined.as_mut(), Par::Seq);
+                reach(&block.coupling, &mut reached);
+                factor.solve_lower_of(&mut joined, &|rows| reached[rows.end - 1]);
             }
             if !kept {
                 found.lower.clear();
@@ -204,10 +212,10 @@ impl Factor {
             let mut x = right(i);
             if let Some(next) = found.get(i + 1) {
                 couple(&self.couplings[i], next, &mut joined);
-                solve_with(&self.lower[i], false, &mut joined);
+                self.lower[i].solve_lower(&mut joined);
                 x.iter_mut().zip(&joined).for_each(|(x, joined)| *x -= joined);
             }
-            solve_with(&self.lower[i], true, &mut x);
+            self.lower[i].solve_upper(&mut x);
             found[i] = x;
         }
         found
@@ -228,39 +236,33 @@ impl Factor {
         let root = self.corner.map_or(f64::INFINITY, |[size, _]| size.sqrt());
         let along = self.steps_back(&|i| self.borders[i].iter().map(|x| x / root).collect());
         let deviation = root.recip();
-        let mut next: Option<Mat<f64>> = None;
+        let mut next: Option<DMatrix<f64>> = None;
         for i in (0..n_frames).rev() {
-            let lower = self.lower[i].L();
-            let both = |matrix: &mut Mat<f64>| {
-                solve_lower_triangular_in_place(lower, matrix.as_mut(), Par::Seq);
-                solve_upper_triangular_in_place(lower.transpose(), matrix.as_mut(), Par::Seq);
-            };
-            let mut own = Mat::identity(n, n);
-            both(&mut own);
+            let mut own = self.lower[i].inverse();
             let cross = next.as_ref().map(|after| {
-                let mut gain: Mat<f64> = Mat::zeros(n, n);
-                let coupling = self.couplings[i].iter();
-                coupling.for_each(|(row, column, value)| gain[(*column, *row)] += value);
-                both(&mut gain);
-                let mut cross: Mat<f64> = Mat::zeros(n, n);
-                multiply(cross.as_mut(), Accum::Replace, &gain, after, -1.0, Par::Seq);
-                multiply(own.as_mut(), Accum::Add, &cross, gain.transpose(), -1.0, Par::Seq);
+                let mut gain = DMatrix::zeros(n, n);
+                for (row, column, value) in &self.couplings[i] {
+                    gain.column_mut(*row).axpy(*value, &own.column(*column), 1.0);
+                }
+                let cross = -&gain * after;
+                own.gemm(-1.0, &cross, &gain.transpose(), 1.0);
                 cross
             });
             // along all unknowns of the two frames and the shared one
             let frames = i..(i + 2).min(n_frames);
             let mut common: Vec<f64> = along[frames].iter().flatten().copied().collect();
             common.push(-deviation);
-            let mut matrix = Mat::from_fn(common.len(), common.len(), |a, b| common[a] * common[b]);
-            let mut add = |row: usize, column: usize, block: MatRef<'_, f64>| {
-                let mut part = matrix.submatrix_mut(row, column, n, n);
+            let common = DVector::from_vec(common);
+            let mut matrix = &common * common.transpose();
+            let mut add = |row: usize, column: usize, block: &DMatrix<f64>| {
+                let mut part = matrix.view_mut((row, column), (n, n));
                 part += block;
             };
-            add(0, 0, own.as_ref());
+            add(0, 0, &own);
             if let (Some(cross), Some(after)) = (&cross, &next) {
-                add(0, n, cross.as_ref());
-                add(n, 0, cross.transpose());
-                add(n, n, after.as_ref());
+                add(0, n, cross);
+                add(n, 0, &cross.transpose());
+                add(n, n, after);
             }
             visit(i, &Covariance { matrix })?;
             next = Some(own);
@@ -283,7 +285,7 @@ mod tests {
             let size = frames * n + usize::from(has_common);
             let mut rng = ChaCha8Rng::seed_from_u64(5);
             // rows that join a frame to the next, and the unknown of all frames to each
-            let mut whole: Mat<f64> = Mat::identity(size, size);
+            let mut whole: DMatrix<f64> = DMatrix::identity(size, size);
             for i in 0..frames {
                 for _ in 0..6 {
                     let width = if i + 1 < frames { 2 * n } else { n };
@@ -317,9 +319,8 @@ mod tests {
             };
             let corner = has_common.then(|| [whole[(size - 1, size - 1)], right[size - 1]]);
             let factor = Factor::of(frames, n, corner, true, &mut assemble).unwrap();
-            let dense = nalgebra::DMatrix::from_fn(size, size, |i, j| whole[(i, j)]);
-            let inverse = dense.clone().try_inverse().unwrap();
-            let step = -&inverse * nalgebra::DVector::from_vec(right.clone());
+            let inverse = whole.clone().try_inverse().unwrap();
+            let step = -&inverse * DVector::from_vec(right.clone());
             let found = factor.solve();
             for (k, x) in found.frames.iter().flatten().enumerate() {
                 assert!((x - step[k]).abs() < 1e-12, "{k}: {x} {}", step[k]);
@@ -328,15 +329,15 @@ mod tests {
                 assert!((found.common - step[size - 1]).abs() < 1e-12);
                 assert!((factor.common_variance() - inverse[(size - 1, size - 1)]).abs() < 1e-12);
             }
-            assert!((factor.log_determinant - dense.determinant().ln()).abs() < 1e-10);
-            let fall = -step.dot(&nalgebra::DVector::from_vec(right.clone()));
+            assert!((factor.log_determinant - whole.determinant().ln()).abs() < 1e-10);
+            let fall = -step.dot(&DVector::from_vec(right.clone()));
             assert!((factor.fall - fall).abs() < 1e-11);
             // a function of two frames and the unknown that all share
             let mut visited = 0;
             let mut visit = |i: usize, found: &Covariance| {
                 let width = if i + 1 < frames { 2 * n } else { n };
                 let mut row: Vec<(usize, f64)> = (0..width).map(|k| (k, 1.0 / (k + 1) as f64)).collect();
-                let mut all = nalgebra::DVector::zeros(size);
+                let mut all = DVector::zeros(size);
                 row.iter().for_each(|(k, x)| all[i * n + k] = *x);
                 if has_common {
                     row.push((COMMON, 0.7));

@@ -162,7 +162,7 @@ impl Channels {
         let mut moved = state.clone();
         for Part { position, first, is_rotation } in &self.parts {
             if *is_rotation {
-                let turn = so3::exp(&Vector3::from_column_slice(&step[*first..first + 3]));
+                let turn = so3::exp(&Vector3::from_fn(|k, _| step[Self::place(0, first + k)]));
                 let turned = so3::normalized_xyzw(&state.q[*position..position + 4]) * turn;
                 moved.q[*position..position + 4].copy_from_slice(turned.coords.as_slice());
                 for numbers in [&mut moved.rates, &mut moved.accelerations] {
@@ -170,16 +170,20 @@ impl Channels {
                     numbers[*first..first + 3].copy_from_slice(carried.as_slice());
                 }
             } else {
-                moved.q[*position] += step[*first];
+                moved.q[*position] += step[Self::place(0, *first)];
             }
         }
-        let n = self.n();
-        for (numbers, k) in
-            [(&mut moved.rates, n), (&mut moved.accelerations, 2 * n), (&mut moved.errors, 3 * n)]
-        {
-            numbers.iter_mut().zip(&step[k..]).for_each(|(x, step)| *x += step);
+        for (order, numbers) in [(1, &mut moved.rates), (2, &mut moved.accelerations)] {
+            numbers.iter_mut().enumerate().for_each(|(k, x)| *x += step[Self::place(order, k)]);
         }
+        moved.errors.iter_mut().zip(&step[3 * self.n()..]).for_each(|(x, step)| *x += step);
         moved
+    }
+
+    /// The place among the unknowns of a frame of a derivative of a number. Those of a number lie together, so that a step joins to an unknown
+    /// what is near it in the next frame.
+    pub(super) fn place(order: usize, number: usize) -> usize {
+        3 * number + order
     }
 
     /// The displacement of a part from one configuration to another; its first number alone counts where it is no rotation.
@@ -253,12 +257,12 @@ impl Channels {
     /// Standard deviations along v of configuration, velocity and acceleration, where `covariance` is that of the numbers, their first
     /// and their second derivatives. Infinite where no marker sees.
     pub(super) fn deviations(&self, state: &State, covariance: &Covariance) -> Deviations {
-        let n = self.n();
         let mut found = [(); 3].map(|()| vec![f64::INFINITY; self.n_velocities]);
         for (order, deviations) in found.iter_mut().enumerate() {
             for (k, place) in self.velocities.iter().enumerate() {
                 if !self.is_vague[k] {
-                    deviations[*place] = standard_deviation(covariance.entry(order * n + k, order * n + k));
+                    let k = Self::place(order, k);
+                    deviations[*place] = standard_deviation(covariance.entry(k, k));
                 }
             }
         }
@@ -270,7 +274,7 @@ impl Channels {
                 let by = SMatrix::<f64, 3, 6>::from_fn(|i, j| {
                     if j < 3 { turned[(i, j)] } else { f64::from(u8::from(i + 3 == j)) }
                 });
-                let place = |k: usize| if k < 3 { first + k } else { order * n + first + k - 3 };
+                let place = |k: usize| Self::place(if k < 3 { 0 } else { order }, first + k % 3);
                 let of = SMatrix::<f64, 6, 6>::from_fn(|i, j| covariance.entry(place(i), place(j)));
                 let whole = by * of * by.transpose();
                 for k in (0..3).filter(|k| !self.is_vague[first + k]) {
@@ -307,8 +311,8 @@ impl Channels {
                 } else {
                     (axis == 2).then_some(carried.turning)
                 };
-                let later = |place: Option<usize>, by: usize| place.map(|x| x + by);
-                [linear, turning, later(linear, n), later(turning, n), later(linear, 2 * n)][of]
+                let (order, number) = [(0, linear), (0, turning), (1, linear), (1, turning), (2, linear)][of];
+                number.map(|number| Self::place(order, number))
             };
             // a joint in the plane neither moves along its axis nor turns about others, which is certain
             let entry = |i: usize, j: usize| match (place(i), place(j)) {

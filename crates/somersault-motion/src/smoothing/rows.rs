@@ -11,8 +11,7 @@
 use super::chain::COMMON;
 use super::channels::{Channels, Part, State};
 use crate::noise::{LEAST_WHITE, MarkerNoise};
-use faer::Mat;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{DMatrix, Matrix3, Vector3};
 use somersault_core::lie::so3;
 
 /// What a row is about.
@@ -39,7 +38,7 @@ pub(super) struct Placed {
     /// For each marker its residual in the coordinates that count; none where it is missing.
     pub(super) residuals: Vec<Option<Vector3<f64>>>,
     /// A column for each coordinate: derivatives by the numbers, and by the scale last. Without columns if they were not requested.
-    pub(super) derivatives: Mat<f64>,
+    pub(super) derivatives: DMatrix<f64>,
 }
 
 /// What the rows depend on beside the frames.
@@ -78,7 +77,7 @@ impl Terms<'_> {
         if self.has_errors() { self.dimension * self.weights.len() } else { 0 }
     }
 
-    /// Number of unknowns in a frame: the numbers with two derivatives, and the errors.
+    /// Number of unknowns in a frame: the numbers with two derivatives, in their [places](Channels::place), and the errors.
     pub(super) fn n(&self) -> usize {
         3 * self.channels.n() + self.n_errors()
     }
@@ -144,8 +143,8 @@ impl Terms<'_> {
                 let at = k * self.dimension + axis;
                 row.clear();
                 if with_derivatives {
-                    let column = placed.derivatives.col(at);
-                    row.extend((0..n).map(|c| (c, column[c] * size * factor)));
+                    let column = placed.derivatives.column(at);
+                    row.extend((0..n).map(|c| (Channels::place(0, c), column[c] * size * factor)));
                     row.push((COMMON, column[n] * size * factor));
                 }
                 let mut value = residual[axis] * size;
@@ -171,14 +170,14 @@ impl Terms<'_> {
 
     /// The rows that hold a part where the markers may not.
     fn held(&self, part: &Part, is_first: bool, time: f64, state: &State, visit: &mut Visit<'_>) {
-        let (n, first) = (self.channels.n(), part.first);
+        let first = part.first;
         let width = if part.is_rotation { 3 } else { 1 };
         let is_vague = (0..width).any(|k| self.channels.is_vague[first + k]);
         if is_first || is_vague {
             let displacement = Channels::difference(part, self.start, &state.q);
             let by = displacement_derivative(part, &displacement);
             for k in 0..width {
-                let row = [0, 1, 2].map(|j| (first + j, by[(k, j)]));
+                let row = [0, 1, 2].map(|j| (Channels::place(0, first + j), by[(k, j)]));
                 let mut visit_over = |deviation: f64| {
                     let row = row.map(|(j, x)| (j, x / deviation));
                     visit(Kind::Prior, displacement[k] / deviation, &row[..width]);
@@ -197,9 +196,10 @@ impl Terms<'_> {
                 let factor = START[order].recip();
                 for k in 0..width {
                     let by = |j: usize| {
-                        if j < width { (first + j, turned[(k, j)] * factor) } else { (first, 0.0) }
+                        let part = if j < width { turned[(k, j)] * factor } else { 0.0 };
+                        (Channels::place(0, first + j.min(width - 1)), part)
                     };
-                    let row = [by(0), by(1), by(2), (order * n + first + k, factor)];
+                    let row = [by(0), by(1), by(2), (Channels::place(order, first + k), factor)];
                     visit(Kind::Prior, numbers[first + k] * factor, &row);
                 }
             }
@@ -209,7 +209,7 @@ impl Terms<'_> {
             let beyond = value - value.max(lower).min(upper);
             if beyond != 0.0 {
                 let factor = (time / LIMIT_TIME).sqrt() / LIMIT;
-                visit(Kind::Limit, beyond * factor, &[(first, factor)]);
+                visit(Kind::Limit, beyond * factor, &[(Channels::place(0, first), factor)]);
             }
         }
     }
@@ -217,6 +217,7 @@ impl Terms<'_> {
     /// Visits the rows that join frame `i` to the next; unknowns of the next count from the number of those of a frame.
     pub(super) fn of_step(&self, i: usize, from: &State, to: &State, visit: &mut Visit<'_>) {
         let (n, next) = (self.channels.n(), self.n());
+        let place = Channels::place;
         let step = self.times[i + 1] - self.times[i];
         let root = root_of_information(step);
         let mut row: Vec<(usize, f64)> = Vec::with_capacity(18);
@@ -251,16 +252,16 @@ impl Terms<'_> {
                     let by_acceleration = -a * 0.5 * step * step - b * step - d;
                     row.extend((0..width).map(|j| {
                         let by = by_rate * turned[(k, j)] + by_acceleration * pushed[(k, j)];
-                        (first + j, by - a * before[(k, j)])
+                        (place(0, first + j), by - a * before[(k, j)])
                     }));
                     row.extend((0..width).map(|j| {
                         let by = b * turned_after[(k, j)] + d * pushed_after[(k, j)];
-                        (next + first + j, by + a * after[(k, j)])
+                        (next + place(0, first + j), by + a * after[(k, j)])
                     }));
-                    row.push((n + c, by_rate));
-                    row.push((2 * n + c, by_acceleration));
-                    row.push((next + n + c, b));
-                    row.push((next + 2 * n + c, d));
+                    row.push((place(1, c), by_rate));
+                    row.push((place(2, c), by_acceleration));
+                    row.push((next + place(1, c), b));
+                    row.push((next + place(2, c), d));
                     visit(Kind::Motion(c), a * values[0] + b * values[1] + d * values[2], &row);
                 }
             }

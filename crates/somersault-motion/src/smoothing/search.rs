@@ -7,7 +7,6 @@ use super::motion::{Deviations, SmoothingStatus};
 use super::rows::{Kind, Placed, Terms};
 use crate::fit::{FitError, MarkerSet};
 use crate::noise::{MarkerNoise, most_likely, most_likely_size};
-use faer::Mat;
 use nalgebra::{DMatrix, Vector3};
 use rayon::prelude::*;
 use somersault_core::cancel::CancellationToken;
@@ -181,7 +180,7 @@ impl Search<'_> {
         let n_derived = if with_derivatives { points.len() } else { 0 };
         let mut found = Placed {
             residuals: Vec::with_capacity(points.len()),
-            derivatives: Mat::zeros(n + 1, dimension * n_derived),
+            derivatives: DMatrix::zeros(n + 1, dimension * n_derived),
         };
         if with_derivatives {
             positions.jacobian_into(0, &Transform::identity(), Axes::World, of_root)?;
@@ -258,7 +257,7 @@ impl Search<'_> {
         let of_scale = self.of_scale(self.scale);
         let is_sought = of_scale.is_some();
         let mut corner = of_scale.map(|[residual, by]| [by * by, residual * by]);
-        let mut told = vec![0.0; self.channels.n()];
+        let mut told = vec![0.0; 3 * self.channels.n()];
         let mut add = |kind: Kind, value: f64, row: &[(usize, f64)]| {
             for (k, x) in row.iter().filter(|_| matches!(kind, Kind::Marker(_))) {
                 if let (COMMON, Some([size, gradient])) = (*k, &mut corner) {
@@ -290,13 +289,14 @@ impl Search<'_> {
                     return;
                 }
                 let common = row.iter().find(|(k, _)| *k == COMMON).map_or(0.0, |(_, x)| *x);
-                for (a, x) in row.iter().filter(|(k, _)| *k != COMMON) {
-                    block.gradient[*a] += x * value;
+                for (b, y) in row.iter().filter(|(k, _)| *k != COMMON) {
+                    block.gradient[*b] += y * value;
                     if is_sought {
-                        block.border[*a] += x * common;
+                        block.border[*b] += y * common;
                     }
-                    for (b, y) in row.iter().filter(|(k, _)| k <= a) {
-                        block.matrix[(*a, *b)] += x * y;
+                    let column = &mut block.matrix.as_mut_slice()[b * n..(b + 1) * n];
+                    for (a, x) in row.iter().filter(|(k, _)| k >= b && *k != COMMON) {
+                        column[*a] += x * y;
                     }
                 }
             };
