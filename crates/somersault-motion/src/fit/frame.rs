@@ -180,6 +180,9 @@ const SINGULAR: f64 = 1e-12;
 /// Diagonal entries of the normal matrix that are taken as zero, in fractions of the largest: a marker nearer to a joint's axis than 10⁻¹⁰ of the
 /// length of a limb.
 const UNSEEN: f64 = 1e-20;
+/// Displacement from a limit, rad or m, and fraction by which the cost may differ there, where other unknowns stand in for the one at it.
+const INWARD: f64 = 0.1;
+const REPLACED: f64 = 1e-9;
 /// Standard deviations by which χ² is a misfit, and by which the markers are beyond a limit.
 const MISFIT: f64 = 5.0;
 const BEYOND: f64 = 3.0;
@@ -570,6 +573,7 @@ impl<'a> FrameFitter<'a> {
             return Ok(Examined { unknowns: status, covariance: None, is_misfit });
         };
         let rounding = self.no_cost(targets);
+        let mut dependent = Vec::new();
         for i in 0..status.len() {
             if status[i] != UnknownStatus::AtLimit {
                 continue;
@@ -582,6 +586,8 @@ impl<'a> FrameFitter<'a> {
             let curvature = self.normal[(i, i)] - (0..status.len()).map(taken).sum::<f64>();
             // where free unknowns move the markers alike, the limit holds nothing and what is left of the curvature is rounding
             if curvature <= SINGULAR * self.normal[(i, i)] {
+                let step = |j: usize| -(0..status.len()).map(|k| inverse[(j, k)] * coupling(k)).sum::<f64>();
+                dependent.push((i, DVector::from_fn(status.len(), |j, _| step(j))));
                 continue;
             }
             let gain = self.gradient[i] * self.gradient[i] / curvature;
@@ -590,12 +596,49 @@ impl<'a> FrameFitter<'a> {
             }
         }
         inverse *= variance;
+        let diagonal = self.normal.diagonal();
+        for (i, alike) in dependent {
+            if !self.is_replaced(targets, estimate, i, &alike)? {
+                continue;
+            }
+            let takes_part = |j: usize| alike[j].abs() * diagonal[j].sqrt() > (SINGULAR * diagonal[i]).sqrt();
+            for j in (0..status.len()).filter(|&j| j == i || takes_part(j)) {
+                status[j] = UnknownStatus::Undetermined;
+            }
+        }
         for i in (0..status.len()).filter(|&i| status[i] == UnknownStatus::Undetermined) {
             inverse.row_mut(i).fill(0.0);
             inverse.column_mut(i).fill(0.0);
             inverse[(i, i)] = f64::INFINITY;
         }
         Ok(Examined { unknowns: status, covariance: Some(inverse), is_misfit })
+    }
+
+    /// Whether free unknowns stand in for one at its limit, and not for small displacements alone: [`INWARD`] of the limit the others, which
+    /// begin `alike` for a displacement of 1, find a minimum of the same cost. A straight knee, which is the turn of a hip to first order,
+    /// leaves a higher one.
+    fn is_replaced(
+        &mut self,
+        targets: &[Option<Target>],
+        estimate: &Estimate,
+        i: usize,
+        alike: &DVector<f64>,
+    ) -> Result<bool, DynamicsError> {
+        let Some(value) = self.unknowns.value(estimate, i) else { return Ok(false) };
+        let bounds = (self.unknowns.lower[i], self.unknowns.upper[i]);
+        let room = (0.5 * (bounds.1 - bounds.0)).min(INWARD);
+        let displacement = if value - bounds.0 < bounds.1 - value { room } else { -room };
+        let mut step = alike * displacement;
+        step[i] = displacement;
+        let mut inward = estimate.clone();
+        self.unknowns.advance(self.model, estimate, step.as_slice(), &mut inward)?;
+        let held = self.unknowns.value(&inward, i).unwrap_or(value);
+        (self.unknowns.lower[i], self.unknowns.upper[i]) = (held, held);
+        let cost = self.cost(targets, estimate)?;
+        let found = self.minimize(targets, &mut inward, Until::CONVERGED);
+        (self.unknowns.lower[i], self.unknowns.upper[i]) = bounds;
+        let (_, _, found) = found?;
+        Ok((found - cost).abs() <= REPLACED * cost + self.no_cost(targets))
     }
 
     /// First and second derivative of the frame's minimum by its scale, which is fixed: the second is that of
