@@ -146,6 +146,10 @@ impl FlightReconstruction {
         token: &CancellationToken,
     ) -> Result<ReconstructedFlight, ReconstructionError> {
         let recording = self.part(recording)?;
+        if self.options.interval.is_some() {
+            // before all frames are fitted
+            self.n_intervals(recording.times())?;
+        }
         let fits = FrameFits::try_new(&self.model, &self.markers, self.options.scale, &recording, token)?;
         let seen = self.phase(&fits, recording.times());
         // an error here, such as too few heights, is no evidence against a flight
@@ -154,18 +158,7 @@ impl FlightReconstruction {
         let frames = self.frames_of(phase.as_ref(), recording.times());
         let (recording, mut fits) = (recording.part(frames.clone())?, fits.part(frames));
         let times = recording.times().to_vec();
-        let duration = times[times.len() - 1] - times[0];
-        expect_range("duration of the flight", duration, "at most 100 s", |x| x <= LONGEST)?;
-        let n_intervals = (duration / self.options.knot_spacing).round().max(1.0);
-        let n_channels = self.model.n_velocities() - self.model.velocities_of(0).len();
-        let found = (n_intervals + 3.0) * n_channels as f64;
-        if found > MAX_UNKNOWNS as f64 {
-            return Err(ReconstructionError::TooManyUnknowns { found: found as usize, limit: MAX_UNKNOWNS });
-        }
-        let limit = (MAX_DERIVATIVES / found.max(1.0)) as usize;
-        if times.len() > limit {
-            return Err(ReconstructionError::TooManyFrames { found: times.len(), limit });
-        }
+        let n_intervals = self.n_intervals(&times)?;
         // Each round looks at the recording as it is: exchanges that a flight with exchanged markers suggests do not add up.
         let mut repaired = recording.clone();
         let mut exchanges = Vec::new();
@@ -174,7 +167,6 @@ impl FlightReconstruction {
         let mut references = REFERENCES.to_vec();
         let mut round = 0;
         loop {
-            let n_intervals = n_intervals as usize;
             let Begun { mut flight, noise, reference } =
                 self.flight_of(&fits, &repaired, n_intervals, &references, doubtful, token)?;
             flight.phase.clone_from(&phase);
@@ -208,6 +200,23 @@ impl FlightReconstruction {
             exchanges = found;
             round += 1;
         }
+    }
+
+    /// Intervals between the knots of a flight with frames at `times`; an error where it is longer, or more, than can be held.
+    fn n_intervals(&self, times: &[f64]) -> Result<usize, ReconstructionError> {
+        let duration = times[times.len() - 1] - times[0];
+        expect_range("duration of the flight", duration, "at most 100 s", |x| x <= LONGEST)?;
+        let n_intervals = (duration / self.options.knot_spacing).round().max(1.0);
+        let n_channels = self.model.n_velocities() - self.model.velocities_of(0).len();
+        let found = (n_intervals + 3.0) * n_channels as f64;
+        if found > MAX_UNKNOWNS as f64 {
+            return Err(ReconstructionError::TooManyUnknowns { found: found as usize, limit: MAX_UNKNOWNS });
+        }
+        let limit = (MAX_DERIVATIVES / found.max(1.0)) as usize;
+        if times.len() > limit {
+            return Err(ReconstructionError::TooManyFrames { found: times.len(), limit });
+        }
+        Ok(n_intervals as usize)
     }
 
     /// The flight of frames that belong to it, from the next of the references where the search fails from the one before.

@@ -4,6 +4,7 @@
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use somersault_core::cancel::CancellationToken;
 use somersault_integrators::driver::TimeGrid;
 use somersault_integrators::methods::{Dop853, RungeKuttaMuntheKaas};
 use somersault_integrators::run::Run;
@@ -988,11 +989,18 @@ fn what_cannot_be_reconstructed_is_said_by_name() {
         let frame: Vec<_> = seen.frames().next().unwrap().to_vec();
         let times = (0..n).map(|i| i as f64 / rate).collect();
         let recording = MarkerRecording::try_new(seen.names().to_vec(), times, frame.repeat(n)).unwrap();
-        FlightReconstruction::try_new(&truth.model, set.clone(), options).unwrap().reconstruct(&recording)
+        let problem = FlightReconstruction::try_new(&truth.model, set.clone(), options).unwrap();
+        let token = CancellationToken::new();
+        if problem.options().interval.is_some() {
+            token.cancel();
+        }
+        problem.reconstruct_cancellable(&recording, &token)
     };
     let slow = long(12, 0.1, ReconstructionOptions { knot_spacing: 1e9, ..default() }).unwrap_err();
     assert_eq!(slow.to_string(), "`duration of the flight` must be at most 100 s, found 110");
-    let many = long(30_000, 1000.0, ReconstructionOptions { knot_spacing: 0.3, ..default() });
+    // before a frame is fitted: the token is cancelled
+    let interval = Some((0.0, 30.0));
+    let many = long(30_000, 1000.0, ReconstructionOptions { knot_spacing: 0.3, interval, ..default() });
     assert_eq!(many, Err(ReconstructionError::TooManyFrames { found: 30_000, limit: 24_271 }));
     let names = (0..seen.n_markers()).map(|k| format!("other {k}")).collect();
     let points = seen.frames().flatten().copied().collect();
@@ -1000,7 +1008,7 @@ fn what_cannot_be_reconstructed_is_said_by_name() {
     let found =
         FlightReconstruction::try_new(&truth.model, set.clone(), default()).unwrap().reconstruct(&other);
     assert!(matches!(found, Err(ReconstructionError::Fit(FitError::NoCommonMarker { .. }))));
-    let token = somersault_core::cancel::CancellationToken::new();
+    let token = CancellationToken::new();
     token.cancel();
     let problem = FlightReconstruction::try_new(&truth.model, set, default()).unwrap();
     let stopped = problem.reconstruct_cancellable(&seen, &token);
