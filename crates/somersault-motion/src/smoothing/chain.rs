@@ -277,20 +277,25 @@ mod tests {
     use rand::{RngExt, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
-    /// Four frames of three unknowns, with and without one of all frames, beside the dense matrix.
+    /// Four frames of three unknowns, and three of forty of which a step joins those that are near: with and without one of all frames,
+    /// beside the dense matrix.
     #[test]
     fn solution_determinant_and_inverse_are_those_of_the_whole_matrix() {
-        let (frames, n) = (4, 3);
-        for has_common in [false, true] {
+        for (frames, n, has_common) in [(4, 3, false), (4, 3, true), (3, 40, false), (3, 40, true)] {
             let size = frames * n + usize::from(has_common);
             let mut rng = ChaCha8Rng::seed_from_u64(5);
             // rows that join a frame to the next, and the unknown of all frames to each
             let mut whole: DMatrix<f64> = DMatrix::identity(size, size);
             for i in 0..frames {
-                for _ in 0..6 {
-                    let width = if i + 1 < frames { 2 * n } else { n };
+                for first in 0..2 * n {
+                    // by turns of a frame alone, and of a few of its unknowns with those of the next
+                    let k = first / 2;
+                    let far = if k % 7 == 0 { 5 * k % n } else { (k + 1) % n };
+                    let own: Vec<usize> = if first % 2 == 0 { (0..n).collect() } else { vec![k, far] };
+                    let next = own.iter().filter(|_| first % 2 == 1 && i + 1 < frames).map(|k| n + k);
+                    let unknowns = own.iter().copied().chain(next);
                     let mut row: Vec<(usize, f64)> =
-                        (0..width).map(|k| (i * n + k, rng.random_range(-1.0..1.0))).collect();
+                        unknowns.map(|k| (i * n + k, rng.random_range(-1.0..1.0))).collect();
                     if has_common {
                         row.push((size - 1, rng.random_range(-1.0..1.0)));
                     }
@@ -310,7 +315,7 @@ mod tests {
                     }
                     for b in 0..n {
                         block.matrix[(a, b)] = whole[(i * n + a, i * n + b)];
-                        if i + 1 < frames {
+                        if i + 1 < frames && whole[((i + 1) * n + a, i * n + b)] != 0.0 {
                             block.coupling.push((a, b, whole[((i + 1) * n + a, i * n + b)]));
                         }
                     }
