@@ -1,7 +1,7 @@
 //! Cholesky factorisation of dense symmetric matrices: A = L Lᵀ with L lower triangular, a block of columns at a time, so that nearly all
 //! of it is products of matrices.
 //!
-//! Cost: n³/3 multiplications for the factor, n² for each right-hand side, 2 n³/3 for the inverse.
+//! Cost: n³/6 multiplications for the factor, n² for each right-hand side, n³/3 for the inverse.
 //!
 //! Source: G. H. Golub and C. F. Van Loan, *Matrix Computations*, Johns Hopkins 2013, section 4.2.
 

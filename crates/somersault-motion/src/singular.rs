@@ -1,8 +1,9 @@
 //! Singular values and right singular vectors of a square matrix by one-sided Jacobi rotations: columns are rotated in pairs, A ← A J, until
 //! all are perpendicular; their lengths are the singular values then, and the product of the rotations holds the vectors.
 //!
-//! Cost: some eight sweeps of n²/2 rotations, each of 12 n multiplications. That of nalgebra takes a quarter of the time for n = 200, but is not
-//! reliable where the rank is not full: for a triangle of 7 columns and rank 6, U S Vᵀ missed A by 1e-8.
+//! Cost: some eight sweeps of n²/2 rotations, each of 11 n multiplications. That of nalgebra takes a quarter of the time for n = 200, but is not
+//! reliable where the rank is not full: for a triangle of 7 columns and rank 6, U S Vᵀ missed A by 1e-8
+//! (the test `all_components_give_the_samples_back_on_either_shape` finds it).
 //!
 //! Source: J. Demmel and K. Veselić, *Jacobi's method is more accurate than QR*, SIAM J. Matrix Anal. Appl. 13 (1992) 1204.
 

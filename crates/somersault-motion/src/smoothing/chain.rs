@@ -7,7 +7,8 @@
 //! ```
 //! Method: block Cholesky D₁ = A₁, Dᵢ₊₁ = Aᵢ₊₁ − Bᵢ Dᵢ⁻¹ Bᵢᵀ, whose steps back give the solution and the blocks of the inverse on and
 //! beside the diagonal: Σᵢ = Dᵢ⁻¹ + K Σᵢ₊₁ Kᵀ and Σᵢ,ᵢ₊₁ = −K Σᵢ₊₁ with K = Dᵢ⁻¹ Bᵢᵀ. This is the smoother of Rauch, Tung and
-//! Striebel in terms of the inverse covariance. Cost: O(N n³) for N frames of n unknowns, 7/3 n³ each way; memory N n².
+//! Striebel in terms of the inverse covariance. Cost for N frames of n unknowns: 7/6 N n³ multiplications forward, N n³/2 where a step
+//! joins unknowns to near ones alone, and 7/3 N n³ back; memory N n².
 //!
 //! Sources: H. E. Rauch, F. Tung and C. T. Striebel, AIAA J. 3 (1965) 1445; G. A. Einicke, *Smoothing, Filtering and Prediction*, 2012,
 //! chapter 6.
