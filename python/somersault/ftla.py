@@ -11,8 +11,9 @@ tangent space, and an optimum starts near the centre-stable manifold and ends ne
 In the order of work: a `System` poses; a `VariationalFlow` integrates it with its transition matrix and gives
 a `Spectrum` of exponents and vectors; `diagnose` says whether the problem is hyper-sensitive, `Splitting`
 holds the subspaces; a `Placement` puts points on the slow manifolds, a `Matching` joins two ends, and `shoot`
-polishes to rounding. `cold_start` and `continue_through` start from boundary states alone, `follow`
-changes a parameter; for the arm, `solve_arm` needs the fold only and `arm_extremals` ranks several.
+polishes to rounding. `system_of` takes an `ocp.ControlProblem`, and `cold_start` then starts from its
+collocation solution; for other systems it starts from boundary states alone, as `continue_through` does.
+`follow` changes a parameter; for the arm, `solve_arm` needs the fold only and `arm_extremals` ranks several.
 
 >>> import numpy as np
 >>> from somersault import ftla
@@ -36,6 +37,7 @@ from somersault._flows import (
     lyapunov_spectrum,
     vector_field,
 )
+from somersault._posed_system import system_of
 from somersault._somersault.ftla import (
     Chain,
     ContinuationResult,
@@ -105,6 +107,7 @@ __all__ = [
     "slow_subspace",
     "solve_arm",
     "state_costate",
+    "system_of",
     "tree",
     "vector_field",
 ]

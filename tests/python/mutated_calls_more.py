@@ -549,6 +549,10 @@ optimum.cost()
 optimum.hamiltonian_range()
 placement.following(flow, optimum, [1.0, 0.0], [1e-3, 1e-2], 0.1)
 ftla.cold_start(linear, [1.0], [1.0], 3.0, tol=1e-9, first_step=0.5)
+posed = ftla.system_of(
+    ocp.ControlProblem(lambda x, u: u - x, 1, 1, running_cost=lambda x, u: x @ x + u @ u, initial=[1.0])
+)
+ftla.cold_start(posed, [1.0], [None], 3.0, tol=1e-9)
 ftla.continue_through(linear, [([0.0], [0.0]), ([1.0], [1.0])], 2.0, [0.0, 0.5, 1.0], tol=1e-9)
 travel_arm = somersault._somersault.ftla.travel_arm
 travel_arm(ftla.arm(), (0.0, 0.1), (0.3, 0.2), 1.0, 0.1, tol=1e-8, max_iterations=10)

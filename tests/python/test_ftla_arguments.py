@@ -56,6 +56,7 @@ CALLS: list[tuple[Callable[..., Any], dict[str, Any]]] = [
     (FLOW.spectrum, {"p": [1.0, 0.4], "time": 1.0, "direction": "backward"}),
     (ftla.diagnose, {"spectra": SPECTRA, "horizon": 40.0}),
     (ftla.vector_field, {"dynamics": lambda x: -x, "states": ("x",), "parameters": {"a": 1.0}}),
+    (ftla.system_of, {"problem": ocp.ControlProblem(lambda x, u: u, 1, 1, running_cost=lambda x, u: u @ u)}),
     (ftla.lyapunov_spectrum, {"flow": FLOW, "p": [0.0, 0.0], "duration": 2.0, "transient": 0.1, "samples": 40, "tolerance": 0.1, "max_time": 1.0, "max_evaluations": 1000}),
     (ftla.ftle_field, {"flow": FLOW, "points": [[0.0, 0.0]], "duration": 2.0, "domain": [(-1.0, 1.0), None], "max_time": 1.0, "max_evaluations": 1000}),
     (ftla.ftle_field(FLOW, np.stack(np.meshgrid(np.arange(5.0), np.arange(4.0)), axis=-1), 1.0).ridges, {"smoothing": 1.0, "min_height": 0.0, "min_curvature": 0.0, "min_length": 1.0}),

@@ -62,6 +62,11 @@ impl Budget {
         self.stopped.store(true, Ordering::Relaxed);
     }
 
+    /// What is left of the time, if that is limited.
+    pub fn time_left(&self) -> Option<Duration> {
+        self.limits.time.map(|most| most.saturating_sub(self.began.elapsed()))
+    }
+
     /// The limit that has been reached, if one has.
     pub fn reached(&self) -> Option<Limit> {
         if self.stopped.load(Ordering::Relaxed) {

@@ -57,6 +57,8 @@ pub enum Stage {
         /// How many stages there are.
         of: usize,
     },
+    /// From what collocation found.
+    Collocation,
     /// From the motion of minimum effort.
     LeastEffort,
     /// Releasing passive joints.
@@ -78,6 +80,7 @@ impl fmt::Display for Stage {
         match self {
             Self::Family => f.write_str("along the family"),
             Self::Leg { to, of } => write!(f, "to stage {to} of {of}"),
+            Self::Collocation => f.write_str("from the collocation solution"),
             Self::LeastEffort => f.write_str("from the motion of minimum effort"),
             Self::Release => f.write_str("releasing passive joints"),
             Self::Limits => f.write_str("lowering torque limits"),

@@ -6,6 +6,7 @@ from numpy.typing import ArrayLike
 from somersault._somersault import _Floats
 from somersault._somersault.expr import CompiledFunction
 from somersault._somersault.multibody import Model
+from somersault._somersault.ocp import TracedProblem
 
 __all__ = [
     "Chain",
@@ -75,6 +76,10 @@ class System:
     @staticmethod
     def _of_traced(
         function: CompiledFunction, description: str, origin: tuple[Callable[..., System], tuple[Any, ...]]
+    ) -> System: ...
+    @staticmethod
+    def _of_problem(
+        problem: TracedProblem, description: str, origin: tuple[Callable[..., System], tuple[Any, ...]]
     ) -> System: ...
     def field(self, p: ArrayLike, t: float = 0.0) -> _Floats: ...
     def jacobian(self, p: ArrayLike, t: float = 0.0) -> _Floats: ...
@@ -466,9 +471,9 @@ def shoot(
 ) -> Extremal: ...
 def cold_start(
     system: System,
-    initial_state: ArrayLike,
-    final_state: ArrayLike,
-    horizon: float,
+    initial_state: ArrayLike | Sequence[float | None] | None = None,
+    final_state: ArrayLike | Sequence[float | None] | None = None,
+    horizon: float | None = None,
     *,
     tol: float = 1e-11,
     max_iterations: int = 100,

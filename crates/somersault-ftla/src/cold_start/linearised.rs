@@ -120,16 +120,32 @@ const SEGMENTS: [[f64; 2]; 2] = [[0.5, 4.0], [0.25, 1.0]];
 /// Most segments.
 const MOST: f64 = 2e4;
 
+/// Fails unless a horizon is positive and finite.
+pub(super) fn expect_horizon(horizon: f64) -> Result<(), ShootingError> {
+    if horizon.is_finite() && horizon > 0.0 {
+        return Ok(());
+    }
+    let allowed = "positive and finite";
+    Err(ArgumentError::OutOfRange { argument: "horizon", allowed, found: horizon }.into())
+}
+
+/// The fastest rate of the field at a point, by its Jacobian D: eigenvalues come as ±, so that √‖D²‖ is as large as the fastest, and
+/// near it in units in which D is balanced.
+pub(super) fn fastest_rate<S: VectorField>(system: &S, p: &DVector<f64>) -> f64 {
+    let (_, mut jacobian) = system.linearize(p.as_slice());
+    if jacobian.iter().all(|d| d.is_finite()) {
+        balance_parlett_reinsch(&mut jacobian);
+    }
+    (&jacobian * &jacobian).norm().sqrt()
+}
+
 /// Both ends, if they and the horizon are ones.
 pub(super) fn expect_states(
     dimension: usize,
     states: [&[f64]; 2],
     horizon: f64,
 ) -> Result<[End; 2], ShootingError> {
-    if !horizon.is_finite() || horizon <= 0.0 {
-        let allowed = "positive and finite";
-        return Err(ArgumentError::OutOfRange { argument: "horizon", allowed, found: horizon }.into());
-    }
+    expect_horizon(horizon)?;
     let end = |argument, x: &[f64]| {
         if 2 * x.len() != dimension {
             return Err(ArgumentError::Length { argument, expected: dimension / 2, found: x.len() }.into());
@@ -174,12 +190,7 @@ pub(super) fn cold_start_within<S: VectorField + Sync>(
         DVector::from_iterator(dimension, state(weight).chain(std::iter::repeat_n(0.0, initial.len())))
     };
     let middle = node(0.5);
-    // eigenvalues of D come as ±: √‖D²‖ is as large as the fastest, and near it in units in which D is balanced
-    let (_, mut jacobian) = system.linearize(middle.as_slice());
-    if jacobian.iter().all(|d| d.is_finite()) {
-        balance_parlett_reinsch(&mut jacobian);
-    }
-    let rate = (&jacobian * &jacobian).norm().sqrt();
+    let rate = fastest_rate(system, &middle);
     let mut found: Option<ContinuationResult> = None;
     let mut failed = None;
     for [shortest, longest] in SEGMENTS {

@@ -1,5 +1,5 @@
-//! Extremals from boundary states and horizon alone: of any system by [`cold_start`], of trees by [`TreeTravel`], of the
-//! two-link arm from the way it folds by [`ArmTravel`].
+//! Extremals from boundary states and horizon alone: of a problem that collocation solves by [`ProblemTravel`], of any system by
+//! [`cold_start`], of trees by [`TreeTravel`], of the two-link arm from the way it folds by [`ArmTravel`].
 //!
 //! For the arm:
 //!
@@ -14,6 +14,7 @@
 
 mod least_effort;
 mod linearised;
+mod posed;
 mod tree;
 
 use crate::budget::Budget;
@@ -25,6 +26,7 @@ pub(crate) use least_effort::Torque;
 use least_effort::{Driven, Spline};
 pub use linearised::cold_start;
 use nalgebra::DVector;
+pub use posed::ProblemTravel;
 use somersault_core::argument::ArgumentError;
 use std::f64::consts::PI;
 pub use tree::TreeTravel;

@@ -39,6 +39,11 @@ pub enum ShootingError {
         /// The largest entry of the field at the first state with λ = 0; infinite where the two ends differ.
         rate: f64,
     },
+    /// Collocation ends without a motion to start from.
+    #[error(
+        "collocation found no motion to start from: a function has no value along the straight line between the ends"
+    )]
+    NoMotion,
     /// A segment of the guess cannot be propagated.
     #[error("segment {segment} of the guess: {source}")]
     Guess {

@@ -10,6 +10,8 @@
 mod arm;
 mod chart;
 mod piece;
+mod posed;
+mod rooms;
 mod scalar;
 mod state_costate;
 mod traced;
@@ -17,8 +19,9 @@ mod tree;
 
 pub use arm::ArmMinimumTorque;
 pub use piece::{Piece, Side};
+pub use posed::PosedProblem;
 pub use scalar::{CubicRegulator, LinearRegulator};
-pub use state_costate::{ControlProblem, DifferentiatedProblem, ProblemDerivatives, StateCostate};
+pub use state_costate::{DifferentiatedProblem, ProblemDerivatives, StateCostate};
 pub use traced::TracedField;
 pub use tree::TreeMinimumTorque;
 
@@ -67,6 +70,12 @@ pub enum SystemError {
     /// A traced function is not the field of a system.
     #[error(transparent)]
     Expr(#[from] ExprError),
+    /// A problem that no state–costate system follows from.
+    #[error("`problem` must be one whose extremals obey an autonomous state–costate system: {reason}")]
+    NoStateCostate {
+        /// What it has that such a system does not.
+        reason: String,
+    },
     /// The dynamics of the tree fail.
     #[error(transparent)]
     Dynamics(#[from] DynamicsError),

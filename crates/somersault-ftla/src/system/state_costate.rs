@@ -7,9 +7,6 @@
 //! D = ( f_x + f_u ∂u*/∂x        f_u ∂u*/∂λ             )
 //!     ( −K_xx − K_xu ∂u*/∂x     −f_xᵀ − K_xu ∂u*/∂λ   ).
 //! ```
-//! All derivatives are exact, by hyper-dual numbers; a Jacobian costs (n + m)(n + m + 1)/2 evaluations of f and ℓ on top
-//! of those for u*.
-//!
 //! The minimisation is Newton's method with projection on the bounds and backtracking (D. P. Bertsekas, *Projected Newton
 //! methods for optimization problems with simple constraints*, SIAM J. Control Optim. 20 (1982)). Where f is affine and ℓ
 //! quadratic in u, and without bounds, its first step is the closed form and the second confirms it. In a [`Piece`] of the
@@ -20,32 +17,11 @@ use super::{
     HamiltonianSystem, OptimalControlSystem, Piece, Side, SystemError, VectorField, expect_controls, no_field,
 };
 use nalgebra::{Cholesky, DMatrix, DVector};
-use num_dual::{Dual64, HyperDual64};
-use somersault_core::Scalar;
 use somersault_core::argument::ArgumentError;
 
-/// Dynamics and running cost of an optimal control problem, written over a scalar so that derivatives follow.
-pub trait ControlProblem {
-    /// Number of states.
-    fn n_states(&self) -> usize;
-
-    /// Number of controls.
-    fn n_controls(&self) -> usize;
-
-    /// Writes f(x, u) to `f`.
-    fn dynamics<T: Scalar>(&self, x: &[T], u: &[T], f: &mut [T]);
-
-    /// ℓ(x, u), such that λᵀf + ℓ is strictly convex in u.
-    fn running_cost<T: Scalar>(&self, x: &[T], u: &[T]) -> T;
-
-    /// Lower and upper bounds of the controls.
-    fn bounds(&self) -> [Vec<f64>; 2] {
-        [vec![f64::NEG_INFINITY; self.n_controls()], vec![f64::INFINITY; self.n_controls()]]
-    }
-}
-
-/// A problem with the derivatives that its state–costate system needs, K = λᵀf + ℓ. Every [`ControlProblem`] is one, by
-/// hyper-dual numbers; to be implemented where derivatives come from elsewhere.
+/// Dynamics and running cost of an optimal control problem with the derivatives that its state–costate system needs,
+/// K = λᵀf + ℓ strictly convex in u. A [`PosedProblem`](super::PosedProblem) is one by expressions; to be implemented where
+/// derivatives come from elsewhere.
 pub trait DifferentiatedProblem {
     /// Numbers of states and of controls.
     fn sizes(&self) -> [usize; 2];
@@ -89,104 +65,7 @@ pub struct ProblemDerivatives {
     pub k_xu: DMatrix<f64>,
 }
 
-/// K = λᵀf + ℓ over a scalar, with f in `f`.
-fn k_over<P: ControlProblem, T: Scalar>(problem: &P, x: &[T], costate: &[f64], u: &[T], f: &mut [T]) -> T {
-    problem.dynamics(x, u, f);
-    let terms = f.iter().zip(costate);
-    terms.fold(problem.running_cost(x, u), |sum, (f, costate)| sum + *f * nalgebra::convert(*costate))
-}
-
-fn seeded<T: Scalar>(values: &[f64], of: impl Fn(f64) -> T) -> Vec<T> {
-    values.iter().map(|&value| of(value)).collect()
-}
-
-impl<P: ControlProblem> DifferentiatedProblem for P {
-    fn sizes(&self) -> [usize; 2] {
-        [self.n_states(), self.n_controls()]
-    }
-
-    fn rate_into(&self, x: &[f64], u: &[f64], f: &mut [f64]) {
-        self.dynamics(x, u, f);
-    }
-
-    fn cost(&self, x: &[f64], u: &[f64]) -> f64 {
-        self.running_cost(x, u)
-    }
-
-    fn by_control_into(
-        &self,
-        x: &[f64],
-        costate: &[f64],
-        u: &[f64],
-        gradient: &mut [f64],
-        hessian: &mut DMatrix<f64>,
-    ) -> f64 {
-        let (x, mut u) = (seeded(x, HyperDual64::from_re), seeded(u, HyperDual64::from_re));
-        let mut f = x.clone();
-        let mut value = 0.0;
-        for i in 0..u.len() {
-            u[i].eps1 = 1.0;
-            for j in 0..=i {
-                u[j].eps2 = 1.0;
-                let k = k_over(self, &x, costate, &u, &mut f);
-                u[j].eps2 = 0.0;
-                value = k.re;
-                gradient[i] = k.eps1;
-                hessian[(i, j)] = k.eps1eps2;
-                hessian[(j, i)] = k.eps1eps2;
-            }
-            u[i].eps1 = 0.0;
-        }
-        value
-    }
-
-    fn by_state_into(&self, x: &[f64], costate: &[f64], u: &[f64], slope: &mut [f64]) {
-        let (mut x, u) = (seeded(x, Dual64::from_re), seeded(u, Dual64::from_re));
-        let mut f = x.clone();
-        for (i, slope) in slope.iter_mut().enumerate() {
-            x[i].eps = 1.0;
-            *slope = k_over(self, &x, costate, &u, &mut f).eps;
-            x[i].eps = 0.0;
-        }
-    }
-
-    fn derivatives(&self, x: &[f64], costate: &[f64], u: &[f64]) -> ProblemDerivatives {
-        let [n, m] = self.sizes();
-        let mut d = ProblemDerivatives {
-            f_x: DMatrix::zeros(n, n),
-            f_u: DMatrix::zeros(n, m),
-            k_xx: DMatrix::zeros(n, n),
-            k_xu: DMatrix::zeros(n, m),
-        };
-        let (mut x, mut u) = (seeded(x, HyperDual64::from_re), seeded(u, HyperDual64::from_re));
-        let mut f = x.clone();
-        for i in 0..n {
-            x[i].eps1 = 1.0;
-            for j in 0..=i {
-                x[j].eps2 = 1.0;
-                let second = k_over(self, &x, costate, &u, &mut f).eps1eps2;
-                x[j].eps2 = 0.0;
-                d.k_xx[(i, j)] = second;
-                d.k_xx[(j, i)] = second;
-                (0..n).for_each(|r| d.f_x[(r, i)] = f[r].eps1);
-            }
-            for j in 0..m {
-                u[j].eps2 = 1.0;
-                d.k_xu[(i, j)] = k_over(self, &x, costate, &u, &mut f).eps1eps2;
-                u[j].eps2 = 0.0;
-                (0..n).for_each(|r| d.f_u[(r, j)] = f[r].eps2);
-            }
-            x[i].eps1 = 0.0;
-        }
-        d
-    }
-
-    fn control_bounds(&self) -> [Vec<f64>; 2] {
-        self.bounds()
-    }
-}
-
-/// The state–costate system of a [`ControlProblem`], or of a [`DifferentiatedProblem`]: p = (x, λ), two numbers for each state.
+/// The state–costate system of a [`DifferentiatedProblem`]: p = (x, λ), two numbers for each state.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StateCostate<P> {
     problem: P,
@@ -204,6 +83,8 @@ struct Control {
 
 /// Iterations of the minimisation over the controls.
 const MAX_ITERATIONS: usize = 60;
+/// Newton's step, relative to u, that is taken as it is.
+const SHORT: f64 = 1e-5;
 
 impl<P: DifferentiatedProblem> StateCostate<P> {
     /// Fails without a state or a control, or if a lower bound is NaN or not below its upper bound.
@@ -289,10 +170,12 @@ impl<P: DifferentiatedProblem> StateCostate<P> {
             }
             last = step;
             let trial = |step: f64| (&u + &newton * step).sup(&lower).inf(&upper);
+            // K is a sum that may cancel: of a short step its values tell nothing, and Newton's is the best
+            let is_short = step <= SHORT * u.amax().max(1e-3);
             let accepted = (0..40).map(|k| trial(0.5f64.powi(k))).find(|w| {
-                let change = self.k(x, costate, w, &mut f) - value;
-                // below rounding of K the Newton step is better than what K can tell
-                change <= 1e-4 * gradient.dot(&(w - &u)) + 8.0 * f64::EPSILON * value.abs().max(1.0)
+                let rounding = 8.0 * f64::EPSILON * value.abs().max(1.0);
+                is_short
+                    || self.k(x, costate, w, &mut f) - value <= 1e-4 * gradient.dot(&(w - &u)) + rounding
             });
             match accepted {
                 Some(next) if next != u => u = next,

@@ -1,11 +1,11 @@
 //! The field of a traced function: values and exact derivatives from one tape.
 
+use super::rooms::Rooms;
 use super::{Piece, SystemError, VectorField};
 use nalgebra::DMatrix;
 use somersault_core::argument::expect_length;
 use somersault_expr::{Evaluator, ExprFunction, Expression, Graph};
 use std::collections::HashSet;
-use std::sync::{Mutex, PoisonError};
 
 /// ẋ = f(t, x) as an [`ExprFunction`] of the blocks `x` and `t`.
 ///
@@ -18,14 +18,10 @@ pub struct TracedField {
     is_autonomous: bool,
     /// Row and column of each entry of ∂f/∂x.
     places: Vec<(usize, usize)>,
-    /// One for each thread: a field is shared among them, and an evaluation needs memory.
-    rooms: Vec<Mutex<Room>>,
+    rooms: Rooms<Room>,
 }
 
 /// What evaluates, with its memory.
-#[derive(Debug)]
-// on lines of the cache of its own
-#[repr(align(128))]
 struct Room {
     field: Evaluator,
     /// f, then the entries of ∂f/∂x.
@@ -66,16 +62,12 @@ impl TracedField {
         let (sparsity, entries) = graph.jacobian(function.outputs(), &inputs)?;
         let outputs = function.outputs().iter().chain(&entries).copied().collect();
         let both = ExprFunction::new(graph, function.blocks().to_vec(), outputs)?;
-        let room = || {
-            Mutex::new(Room {
-                field: function.evaluator(),
-                both: both.evaluator(),
-                inputs: vec![0.0; dimension + 1],
-                outputs: vec![0.0; both.n_outputs()],
-            })
-        };
-        let threads = std::thread::available_parallelism().map_or(1, usize::from);
-        let rooms = (0..=threads).map(|_| room()).collect();
+        let rooms = Rooms::new(|| Room {
+            field: function.evaluator(),
+            both: both.evaluator(),
+            inputs: vec![0.0; dimension + 1],
+            outputs: vec![0.0; both.n_outputs()],
+        });
         let first = [states.start, time.start];
         let is_autonomous =
             !depends(function.graph(), function.outputs(), function.graph().inputs()[time.start]);
@@ -89,13 +81,12 @@ impl TracedField {
 
     /// Works in the room of this thread, with the inputs set.
     fn at<T>(&self, t: f64, x: &[f64], work: impl FnOnce(&mut Room) -> T) -> T {
-        let number = rayon::current_thread_index().map_or(0, |thread| 1 + thread) % self.rooms.len();
-        // a room is whole whatever happened in it
-        let mut room = self.rooms[number].lock().unwrap_or_else(PoisonError::into_inner);
         let [state, time] = self.first;
-        room.inputs[state..state + x.len()].copy_from_slice(x);
-        room.inputs[time] = t;
-        work(&mut room)
+        self.rooms.at(|room| {
+            room.inputs[state..state + x.len()].copy_from_slice(x);
+            room.inputs[time] = t;
+            work(room)
+        })
     }
 }
 

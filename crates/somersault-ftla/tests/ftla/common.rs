@@ -5,8 +5,9 @@ use somersault_core::Scalar;
 use somersault_core::random::SplitMix64;
 use somersault_ftla::cold_start::ArmTravel;
 use somersault_ftla::continuation::{Continuation, ContinuationResult};
-use somersault_ftla::system::{ControlProblem, StateCostate, VectorField};
+use somersault_ftla::system::{PosedProblem, StateCostate, VectorField};
 use somersault_multibody::models::TwoLinkArm;
+use somersault_ocp::collocation::{Dynamics, Interval, Phase, Point, Problem, Terms};
 
 /// Numbers in [−1, 1) from a fixed seed.
 pub(crate) struct Random(SplitMix64);
@@ -34,15 +35,34 @@ pub(crate) struct ArmProblem {
     pub(crate) limits: [f64; 2],
 }
 
-pub(crate) fn arm_problem(arm: TwoLinkArm, weights: [f64; 2]) -> StateCostate<ArmProblem> {
-    StateCostate::try_new(ArmProblem { arm, weights, limits: [f64::INFINITY; 2] }).expect("no bounds")
+impl ArmProblem {
+    pub(crate) fn system(self) -> StateCostate<PosedProblem> {
+        within(self, &self.limits.map(|limit| [-limit, limit]))
+    }
 }
+
+pub(crate) fn arm_problem(arm: TwoLinkArm, weights: [f64; 2]) -> StateCostate<PosedProblem> {
+    ArmProblem { arm, weights, limits: [f64::INFINITY; 2] }.system()
+}
+
+/// The state–costate system of formulas, with controls between bounds.
+pub(crate) fn within<F>(formula: F, bounds: &[[f64; 2]]) -> StateCostate<PosedProblem>
+where
+    F: Dynamics + Terms + Clone + 'static,
+{
+    let bounds: Vec<_> = bounds.iter().map(|[lower, upper]| Interval::new(*lower, *upper)).collect();
+    let phase = Phase::new(formula.clone(), formula).control_bounds(bounds);
+    StateCostate::of_problem(&Problem::try_new(phase).expect("a problem")).expect("a system")
+}
+
+/// No bounds of one control.
+pub(crate) const FREE: [[f64; 2]; 1] = [[f64::NEG_INFINITY, f64::INFINITY]];
 
 fn k<T: Scalar>(x: f64) -> T {
     nalgebra::convert(x)
 }
 
-impl ControlProblem for ArmProblem {
+impl Dynamics for ArmProblem {
     fn n_states(&self) -> usize {
         4
     }
@@ -51,7 +71,8 @@ impl ControlProblem for ArmProblem {
         2
     }
 
-    fn dynamics<T: Scalar>(&self, x: &[T], u: &[T], f: &mut [T]) {
+    fn rates<T: Scalar>(&self, at: &Point<'_, T>, f: &mut [T]) {
+        let (x, u) = (at.state, at.control);
         let TwoLinkArm { masses: [m1, m2], lengths: [l1, l2], damping: [c1, c2] } = self.arm;
         let (i1, i2) = (m1 * l1 * l1 / 12.0, m2 * l2 * l2 / 12.0);
         let (s, c, w1, w2) = (x[1].sin(), x[1].cos(), x[2], x[3]);
@@ -66,13 +87,12 @@ impl ControlProblem for ArmProblem {
             Matrix2::new(m22, -m12, -m12, m11) * (Vector2::new(u[0], u[1]) - bias) / (m11 * m22 - m12 * m12);
         f.copy_from_slice(&[w1, w2, a.x, a.y]);
     }
+}
 
-    fn running_cost<T: Scalar>(&self, _: &[T], u: &[T]) -> T {
+impl Terms for ArmProblem {
+    fn running_cost<T: Scalar>(&self, at: &Point<'_, T>) -> T {
+        let u = at.control;
         (u[0] * u[0] * k(self.weights[0]) + u[1] * u[1] * k(self.weights[1])) * k(0.5)
-    }
-
-    fn bounds(&self) -> [Vec<f64>; 2] {
-        [self.limits.map(|limit| -limit).to_vec(), self.limits.to_vec()]
     }
 }
 

@@ -1,20 +1,20 @@
 //! Controls that reach their bounds: crossings of the flow, its transition matrix through them, and the thesis' arm with
 //! weaker motors against collocation.
 
-use crate::common::{ArmProblem, arm_motion, arm_nodes};
+use crate::common::{ArmProblem, arm_motion, arm_nodes, within};
 use nalgebra::{DMatrix, DVector, Matrix2, Vector2, dvector};
 use somersault_core::Scalar;
 use somersault_ftla::continuation::{Continuation, Member};
 use somersault_ftla::flow::{FlowTolerances, VariationalFlow};
 use somersault_ftla::shooting::{End, Extremal, ShootingStatus};
 use somersault_ftla::system::{
-    ArmMinimumTorque, ControlProblem, HamiltonianSystem, OptimalControlSystem, Piece, Side, StateCostate,
+    ArmMinimumTorque, HamiltonianSystem, OptimalControlSystem, Piece, PosedProblem, Side, StateCostate,
     VectorField,
 };
 use somersault_multibody::models::TwoLinkArm;
 use somersault_nlp::Flow;
 use somersault_ocp::collocation::{
-    Collocation, CollocationStatus, Guess, Mesh, Phase, Point, Problem, Terms, TreeDynamics,
+    Collocation, CollocationStatus, Dynamics, Guess, Mesh, Phase, Point, Problem, Terms, TreeDynamics,
 };
 use std::f64::consts::{FRAC_PI_2, PI, SQRT_2};
 
@@ -25,7 +25,7 @@ const LIMIT: f64 = 0.4;
 #[derive(Clone, Copy)]
 struct Bounded;
 
-impl ControlProblem for Bounded {
+impl Dynamics for Bounded {
     fn n_states(&self) -> usize {
         1
     }
@@ -34,21 +34,21 @@ impl ControlProblem for Bounded {
         1
     }
 
-    fn dynamics<T: Scalar>(&self, x: &[T], u: &[T], f: &mut [T]) {
+    fn rates<T: Scalar>(&self, at: &Point<'_, T>, f: &mut [T]) {
+        let (x, u) = (at.state, at.control);
         f[0] = u[0] - x[0];
-    }
-
-    fn running_cost<T: Scalar>(&self, x: &[T], u: &[T]) -> T {
-        (x[0] * x[0] + u[0] * u[0]) * nalgebra::convert::<f64, T>(0.5)
-    }
-
-    fn bounds(&self) -> [Vec<f64>; 2] {
-        [vec![-LIMIT], vec![LIMIT]]
     }
 }
 
-fn bounded() -> StateCostate<Bounded> {
-    StateCostate::try_new(Bounded).expect("ordered bounds")
+impl Terms for Bounded {
+    fn running_cost<T: Scalar>(&self, at: &Point<'_, T>) -> T {
+        let (x, u) = (at.state, at.control);
+        (x[0] * x[0] + u[0] * u[0]) * nalgebra::convert::<f64, T>(0.5)
+    }
+}
+
+fn bounded() -> StateCostate<PosedProblem> {
+    within(Bounded, &[[-LIMIT, LIMIT]])
 }
 
 /// Where the motion from `p` with u = −0.4 reaches λ = 0.4, with (p, Φ) there, in closed form.
@@ -140,7 +140,7 @@ fn saturations_are_seen_from_a_microsecond_on() {
 fn the_closed_form_and_the_generic_problem_switch_alike_and_both_limits_at_once() {
     let arm = ArmMinimumTorque::default().try_with_torque_limits([0.38, 0.05]).expect("positive");
     let problem = ArmProblem { arm: *arm.arm(), weights: arm.weights(), limits: arm.torque_limits() };
-    let generic = StateCostate::try_new(problem).expect("ordered bounds");
+    let generic = problem.system();
     let p = DVector::from_row_slice(&crate::common::START);
     let tolerances = FlowTolerances { relative: 1e-11, absolute: 1e-13 };
     let closed = VariationalFlow::try_new(&arm, tolerances).expect("in range");

@@ -10,6 +10,7 @@ mod flows;
 mod limits;
 mod matching;
 mod placement;
+mod posed;
 mod spectrum;
 mod success;
 mod system;

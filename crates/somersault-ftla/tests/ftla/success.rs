@@ -1,6 +1,6 @@
 //! What success means: the same in all units, Hamiltonians that are constant, limits of a search, trials without a value.
 
-use crate::common::{ArmProblem, arm_nodes};
+use crate::common::{ArmProblem, FREE, arm_nodes, within};
 use nalgebra::{DMatrix, DVector};
 use somersault_core::Scalar;
 use somersault_core::argument::ArgumentError;
@@ -10,9 +10,10 @@ use somersault_ftla::continuation::{Continuation, Member, Reason, Stage};
 use somersault_ftla::flow::{FlowTolerances, VariationalFlow};
 use somersault_ftla::shooting::{End, MultipleShooting, ShootingError, ShootingStatus, graded_times};
 use somersault_ftla::system::{
-    ArmMinimumTorque, ControlProblem, CubicRegulator, DifferentiatedProblem, HamiltonianSystem,
-    ProblemDerivatives, StateCostate, VectorField,
+    ArmMinimumTorque, CubicRegulator, DifferentiatedProblem, HamiltonianSystem, PosedProblem,
+    ProblemDerivatives, StateCostate, SystemError, VectorField,
 };
+use somersault_ocp::collocation::{Dynamics, Point, Terms};
 use std::time::Duration;
 
 fn k<T: Scalar>(x: f64) -> T {
@@ -26,7 +27,7 @@ struct InUnits {
     cost: f64,
 }
 
-impl ControlProblem for InUnits {
+impl Dynamics for InUnits {
     fn n_states(&self) -> usize {
         1
     }
@@ -35,11 +36,15 @@ impl ControlProblem for InUnits {
         1
     }
 
-    fn dynamics<T: Scalar>(&self, x: &[T], u: &[T], f: &mut [T]) {
+    fn rates<T: Scalar>(&self, at: &Point<'_, T>, f: &mut [T]) {
+        let (x, u) = (at.state, at.control);
         f[0] = u[0] - x[0] * x[0] * x[0] * k(1.0 / (self.length * self.length));
     }
+}
 
-    fn running_cost<T: Scalar>(&self, x: &[T], u: &[T]) -> T {
+impl Terms for InUnits {
+    fn running_cost<T: Scalar>(&self, at: &Point<'_, T>) -> T {
+        let (x, u) = (at.state, at.control);
         (x[0] * x[0] + u[0] * u[0]) * k(0.5 * self.cost / (self.length * self.length))
     }
 }
@@ -53,7 +58,7 @@ fn a_regulator_is_solved_to_the_same_digits_in_all_units() {
     let exact = [-a.powi(3) + a * root(a), -b.powi(3) - b * root(b)];
     for length in [1e-6, 1.0, 1e6] {
         for cost in [1e-6, 1.0, 1e6] {
-            let system = StateCostate::try_new(InUnits { length, cost }).expect("no bounds");
+            let system = within(InUnits { length, cost }, &FREE);
             let found = cold_start(&system, &[a * length], &[b * length], horizon, &continuation)
                 .expect("well posed");
             let extremal = &found.extremal;
@@ -124,7 +129,7 @@ fn a_floor_of_rounding_is_a_status() {
 #[derive(Clone, Copy)]
 struct Pendulum;
 
-impl ControlProblem for Pendulum {
+impl Dynamics for Pendulum {
     fn n_states(&self) -> usize {
         2
     }
@@ -133,33 +138,44 @@ impl ControlProblem for Pendulum {
         1
     }
 
-    fn dynamics<T: Scalar>(&self, x: &[T], u: &[T], f: &mut [T]) {
+    fn rates<T: Scalar>(&self, at: &Point<'_, T>, f: &mut [T]) {
+        let (x, u) = (at.state, at.control);
         f.copy_from_slice(&[x[1], u[0] - x[0].sin() - x[1] * k(0.2)]);
     }
+}
 
-    fn running_cost<T: Scalar>(&self, x: &[T], u: &[T]) -> T {
+impl Terms for Pendulum {
+    fn running_cost<T: Scalar>(&self, at: &Point<'_, T>) -> T {
+        let (x, u) = (at.state, at.control);
         (x[0] * x[0] + u[0] * u[0]) * k(0.5)
     }
 }
 
 /// The pendulum with one entry of ∂f/∂x off by a part of itself.
-#[derive(Clone, Copy)]
 struct Wrong {
+    pendulum: StateCostate<PosedProblem>,
     entry: (usize, usize),
     part: f64,
+    bounds: [f64; 2],
+}
+
+impl Wrong {
+    fn right(&self) -> &PosedProblem {
+        self.pendulum.problem()
+    }
 }
 
 impl DifferentiatedProblem for Wrong {
     fn sizes(&self) -> [usize; 2] {
-        Pendulum.sizes()
+        self.right().sizes()
     }
 
     fn rate_into(&self, x: &[f64], u: &[f64], f: &mut [f64]) {
-        Pendulum.rate_into(x, u, f);
+        self.right().rate_into(x, u, f);
     }
 
     fn cost(&self, x: &[f64], u: &[f64]) -> f64 {
-        Pendulum.cost(x, u)
+        self.right().cost(x, u)
     }
 
     fn by_control_into(
@@ -170,31 +186,38 @@ impl DifferentiatedProblem for Wrong {
         gradient: &mut [f64],
         hessian: &mut DMatrix<f64>,
     ) -> f64 {
-        Pendulum.by_control_into(x, costate, u, gradient, hessian)
+        self.right().by_control_into(x, costate, u, gradient, hessian)
     }
 
     fn by_state_into(&self, x: &[f64], costate: &[f64], u: &[f64], slope: &mut [f64]) {
         let (i, j) = self.entry;
-        Pendulum.by_state_into(x, costate, u, slope);
-        slope[j] += self.part * costate[i] * Pendulum.derivatives(x, costate, u).f_x[(i, j)];
+        self.right().by_state_into(x, costate, u, slope);
+        slope[j] += self.part * costate[i] * self.right().derivatives(x, costate, u).f_x[(i, j)];
     }
 
     fn derivatives(&self, x: &[f64], costate: &[f64], u: &[f64]) -> ProblemDerivatives {
-        let mut d = Pendulum.derivatives(x, costate, u);
+        let mut d = self.right().derivatives(x, costate, u);
         d.f_x[self.entry] *= 1.0 + self.part;
         d
     }
 
     fn control_bounds(&self) -> [Vec<f64>; 2] {
-        Pendulum.control_bounds()
+        self.bounds.map(|bound| vec![bound])
     }
 }
 
 #[test]
 fn a_wrong_derivative_is_no_success() {
     let mut random = crate::common::Random::new(8);
+    let wrong = |entry, part, bounds| {
+        StateCostate::try_new(Wrong { pendulum: within(Pendulum, &FREE), entry, part, bounds })
+    };
+    assert!(matches!(
+        wrong((0, 1), 0.0, [1.0, 0.0]).err(),
+        Some(SystemError::Argument(ArgumentError::OutOfRange { argument: "lower bound", .. }))
+    ));
     let solve = |entry: (usize, usize), part: f64| {
-        let system = StateCostate::try_new(Wrong { entry, part }).expect("no bounds");
+        let system = wrong(entry, part, FREE[0]).expect("no bounds");
         cold_start(&system, &[1.0, 0.0], &[0.2, 0.1], 4.0, &Continuation::default()).expect("well posed")
     };
     assert!(solve((0, 1), 0.0).arrived());
@@ -294,14 +317,14 @@ fn found_at_one(fractions: &[f64]) -> Vec<DVector<f64>> {
 }
 
 #[test]
-fn the_arm_by_hyper_duals_keeps_its_hamiltonian_too() {
+fn the_arm_by_expressions_keeps_its_hamiltonian_too() {
     let thesis = ArmTravel::default();
     let problem = ArmProblem {
         arm: *thesis.system.arm(),
         weights: thesis.system.weights(),
         limits: [f64::INFINITY; 2],
     };
-    let system = StateCostate::try_new(problem).expect("no bounds");
+    let system = problem.system();
     let nodes = arm_nodes();
     let times: Vec<f64> = nodes.iter().map(|(t, _)| *t).collect();
     let guess: Vec<_> = nodes.iter().map(|(_, p)| p.clone()).collect();

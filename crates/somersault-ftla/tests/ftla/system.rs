@@ -1,15 +1,16 @@
 //! State–costate systems: one problem written in three ways, differences, the thesis' appendix F, and what is refused.
 
-use crate::common::{ArmProblem, Random, arm_problem, matrix_gap};
+use crate::common::{ArmProblem, FREE, Random, arm_problem, matrix_gap, within};
 use nalgebra::{DMatrix, DVector, dvector};
 use somersault_core::Scalar;
 use somersault_core::argument::ArgumentError;
 use somersault_ftla::system::{
-    ArmMinimumTorque, ControlProblem, CubicRegulator, HamiltonianSystem, LinearRegulator,
-    OptimalControlSystem, Piece, StateCostate, SystemError, TreeMinimumTorque, VectorField,
+    ArmMinimumTorque, CubicRegulator, HamiltonianSystem, LinearRegulator, OptimalControlSystem, Piece,
+    PosedProblem, StateCostate, SystemError, TreeMinimumTorque, VectorField,
 };
 use somersault_multibody::models::TwoLinkArm;
 use somersault_multibody::{Data, Joint, Link, Model, ModelBuilder};
+use somersault_ocp::collocation::{Dynamics, Point, Terms};
 use somersault_testkit::trees as testkit;
 
 /// The Jacobian by central differences of fourth order.
@@ -84,13 +85,13 @@ fn the_arm_in_closed_form_is_the_generic_problem_and_the_tree() {
 }
 
 /// Any tree of three joints by its forward dynamics over the scalar, ½ Σ γᵢuᵢ².
+#[derive(Clone)]
 struct Chain {
     model: Model,
     weights: [f64; 3],
-    limits: [f64; 3],
 }
 
-impl ControlProblem for Chain {
+impl Dynamics for Chain {
     fn n_states(&self) -> usize {
         6
     }
@@ -99,21 +100,21 @@ impl ControlProblem for Chain {
         3
     }
 
-    fn dynamics<T: Scalar>(&self, x: &[T], u: &[T], f: &mut [T]) {
+    fn rates<T: Scalar>(&self, at: &Point<'_, T>, f: &mut [T]) {
+        let (x, u) = (at.state, at.control);
         let model: Model<T> = self.model.cast();
         let mut data = Data::new(&model);
         let (q, v) = x.split_at(3);
         f[..3].copy_from_slice(v);
         f[3..].copy_from_slice(model.forward_dynamics(&mut data, q, v, u, &[]).expect("regular"));
     }
+}
 
-    fn running_cost<T: Scalar>(&self, _: &[T], u: &[T]) -> T {
+impl Terms for Chain {
+    fn running_cost<T: Scalar>(&self, at: &Point<'_, T>) -> T {
+        let u = at.control;
         let weighed = |i: usize| u[i] * u[i] * nalgebra::convert::<f64, T>(0.5 * self.weights[i]);
         (0..3).fold(T::zero(), |sum, i| sum + weighed(i))
-    }
-
-    fn bounds(&self) -> [Vec<f64>; 2] {
-        [self.limits.map(|limit| -limit).to_vec(), self.limits.to_vec()]
     }
 }
 
@@ -140,8 +141,8 @@ fn a_random_tree_is_its_forward_dynamics_through_duals_end_to_end() {
         for limits in [[f64::INFINITY; 3], [0.5, f64::INFINITY, 1.0]] {
             let tree = TreeMinimumTorque::try_new(&model, &weights).expect("fits");
             let tree = tree.try_with_torque_limits(&limits).expect("positive");
-            let chain = Chain { model: model.clone(), weights, limits };
-            let generic = StateCostate::try_new(chain).expect("ordered bounds");
+            let chain = Chain { model: model.clone(), weights };
+            let generic = within(chain, &limits.map(|limit| [-limit, limit]));
             let p = DVector::<f64>::from_column_slice(&random.numbers(12, 1.0));
             let (h, d) = tree.linearize(p.as_slice());
             assert!((&h - generic.field(p.as_slice())).amax() < 1e-11 * h.amax(), "{case}: field");
@@ -293,7 +294,6 @@ fn the_third_row_of_the_jacobian_is_that_of_appendix_f() {
 struct Scalar1 {
     cubic: bool,
     cost: Cost,
-    bounds: [f64; 2],
 }
 
 #[derive(Clone, Copy)]
@@ -305,7 +305,7 @@ enum Cost {
     NoValue,
 }
 
-impl ControlProblem for Scalar1 {
+impl Dynamics for Scalar1 {
     fn n_states(&self) -> usize {
         1
     }
@@ -314,12 +314,16 @@ impl ControlProblem for Scalar1 {
         1
     }
 
-    fn dynamics<T: Scalar>(&self, x: &[T], u: &[T], f: &mut [T]) {
+    fn rates<T: Scalar>(&self, at: &Point<'_, T>, f: &mut [T]) {
+        let (x, u) = (at.state, at.control);
         let drift = if self.cubic { x[0] * x[0] * x[0] } else { x[0] };
         f[0] = u[0] - drift;
     }
+}
 
-    fn running_cost<T: Scalar>(&self, x: &[T], u: &[T]) -> T {
+impl Terms for Scalar1 {
+    fn running_cost<T: Scalar>(&self, at: &Point<'_, T>) -> T {
+        let (x, u) = (at.state, at.control);
         let half: T = nalgebra::convert(0.5);
         let control = match self.cost {
             Cost::Square => u[0] * u[0] * half,
@@ -330,16 +334,10 @@ impl ControlProblem for Scalar1 {
         };
         x[0] * x[0] * half + control
     }
-
-    fn bounds(&self) -> [Vec<f64>; 2] {
-        self.bounds.map(|bound| vec![bound])
-    }
 }
 
-const FREE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
-
-fn scalar(cubic: bool, cost: Cost, bounds: [f64; 2]) -> StateCostate<Scalar1> {
-    StateCostate::try_new(Scalar1 { cubic, cost, bounds }).expect("ordered bounds")
+fn scalar(cubic: bool, cost: Cost, bounds: [[f64; 2]; 1]) -> StateCostate<PosedProblem> {
+    within(Scalar1 { cubic, cost }, &bounds)
 }
 
 #[test]
@@ -377,7 +375,7 @@ fn a_general_convex_cost_is_minimised_and_differentiated() {
 
 #[test]
 fn bounds_cut_the_control_off_and_leave_the_jacobian() {
-    let system = scalar(false, Cost::Square, [-0.4, 0.3]);
+    let system = scalar(false, Cost::Square, [[-0.4, 0.3]]);
     for costate in [-2.0, -0.5, -0.2, 0.1, 0.6, 3.0f64] {
         let p = dvector![0.7, costate];
         let expected = (-costate).clamp(-0.4, 0.3);
@@ -389,7 +387,7 @@ fn bounds_cut_the_control_off_and_leave_the_jacobian() {
     // the arm in closed form against the problem with bounds
     let arm = ArmMinimumTorque::default().try_with_torque_limits([0.6, 0.2]).expect("positive");
     let problem = ArmProblem { arm: *arm.arm(), weights: arm.weights(), limits: arm.torque_limits() };
-    let generic = StateCostate::try_new(problem).expect("ordered bounds");
+    let generic = problem.system();
     let mut random = Random::new(11);
     let mut cut = 0;
     for _ in 0..40 {
@@ -429,11 +427,6 @@ fn a_singular_control_hessian_is_an_error() {
 
 #[test]
 fn parameters_out_of_range_are_named() {
-    let bounds = StateCostate::try_new(Scalar1 { cubic: false, cost: Cost::Square, bounds: [1.0, 0.0] });
-    assert!(matches!(
-        bounds.err(),
-        Some(SystemError::Argument(ArgumentError::OutOfRange { argument: "lower bound", .. }))
-    ));
     let arm = TwoLinkArm::default();
     let light = TwoLinkArm { masses: [0.5, 0.0], ..arm };
     let error = ArmMinimumTorque::try_new(light, [1.0, 0.5]).expect_err("no mass");

@@ -9,8 +9,8 @@ use super::shooting::{Budget, End, Iterate, Plan, Shooting};
 use super::structure::{Impulses, Obstacle, Structure};
 use super::verdict::Verdict;
 use crate::collocation::{
-    CollocationError, CollocationReport, CollocationStatus, Guess, Phase, PhaseSolution, Problem,
-    Transcription, WIDTH,
+    CollocationError, CollocationReport, CollocationStatus, Phase, PhaseSolution, Problem, Transcription,
+    Untraced, WIDTH,
 };
 use somersault_core::cancel::CancellationToken;
 use somersault_expr::ExprFunction;
@@ -191,7 +191,7 @@ impl Polish {
         }
         let points = solution.places().len();
         let (point, both) = (point_arguments(solution, points / 2), end_arguments(solution));
-        let functions = match expressions(phase, &point, &both)? {
+        let functions = match expressible(phase, phase.expressions(&point, &both))? {
             Ok(functions) => functions,
             Err(reason) => {
                 return Ok(Polished::hindered(report, Obstacle { reason, is_lasting: true }));
@@ -291,13 +291,12 @@ fn why_cancelled(token: &CancellationToken) -> &'static str {
     if token.has_expired() { "the limit of time was reached" } else { "it was cancelled" }
 }
 
-/// The functions of a phase as expressions that hold near a point and near ends; a sentence where no arcs can be made of them.
-fn expressions(
+/// The functions of a phase as expressions; a sentence where no arcs can be made of them.
+fn expressible(
     phase: &Phase,
-    point: &[f64],
-    both: &[f64],
+    functions: Result<[ExprFunction; 3], Untraced>,
 ) -> Result<Result<[ExprFunction; 3], String>, CollocationError> {
-    let functions = match phase.expressions(point, both) {
+    let functions = match functions {
         Ok(functions) => functions,
         Err(reason) => return Ok(Err(format!("arcs need expressions of all functions: {reason}"))),
     };
@@ -310,11 +309,8 @@ fn expressions(
 /// Whether no solution of a problem can be polished, which is known before there is one.
 pub(crate) fn is_hopeless(problem: &Problem) -> Result<bool, CollocationError> {
     let [phase] = &problem.phases[..] else { return Ok(true) };
-    let Some(Guess { times, states, controls, parameters }) = phase.start() else { return Ok(false) };
-    let (middle, last) = (times.len() / 2, times.len() - 1);
-    let point = [&states[middle][..], &controls[middle], parameters, &times[middle..=middle]].concat();
-    let both = [&states[0][..], &states[last], parameters, &[times[0], times[last]]].concat();
-    Ok(expressions(phase, &point, &both)?.is_err())
+    let Some(functions) = phase.expressions_of_guess() else { return Ok(false) };
+    Ok(expressible(phase, functions)?.is_err())
 }
 
 /// What the arcs of a plan are, for messages.

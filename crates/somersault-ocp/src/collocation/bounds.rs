@@ -2,16 +2,25 @@
 
 use super::interval::Interval;
 
-/// Of all its variables and rows.
+/// Bounds of all variables and rows of a [`Phase`](super::Phase).
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct PhaseBounds {
-    pub(crate) state: Vec<Interval>,
-    pub(crate) control: Vec<Interval>,
-    pub(crate) parameters: Vec<Interval>,
-    pub(crate) initial_state: Vec<Interval>,
-    pub(crate) final_state: Vec<Interval>,
-    pub(crate) initial_time: Interval,
-    pub(crate) final_time: Interval,
-    pub(crate) path: Vec<Interval>,
-    pub(crate) end: Vec<Interval>,
+pub struct PhaseBounds {
+    /// Of x at all times.
+    pub state: Vec<Interval>,
+    /// Of u.
+    pub control: Vec<Interval>,
+    /// Of p.
+    pub parameters: Vec<Interval>,
+    /// Of x(t₀).
+    pub initial_state: Vec<Interval>,
+    /// Of x(t_f).
+    pub final_state: Vec<Interval>,
+    /// Of t₀.
+    pub initial_time: Interval,
+    /// Of t_f.
+    pub final_time: Interval,
+    /// Of the path constraints g.
+    pub path: Vec<Interval>,
+    /// Of the end constraints b.
+    pub end: Vec<Interval>,
 }

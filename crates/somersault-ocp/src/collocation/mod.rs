@@ -98,6 +98,7 @@ mod view;
 mod winding;
 mod wrong_derivative;
 
+pub use bounds::PhaseBounds;
 pub use composed::ComposedFunction;
 pub use confirmation::{Confirmation, PhaseConfirmation, confirm, confirm_cancellable};
 pub use error::{CollocationError, Entry, Untraced};

@@ -167,8 +167,17 @@ impl Phase {
         Ok([dynamics.expressions(point)?, path.expressions(point)?, of_ends.expressions(ends)?])
     }
 
+    /// The same near the middle and the ends of the guess that a [`Problem`] gives every phase; none before.
+    pub fn expressions_of_guess(&self) -> Option<Result<[ExprFunction; 3], Untraced>> {
+        let Guess { times, states, controls, parameters } = self.guess.as_ref()?;
+        let (middle, last) = (times.len() / 2, times.len() - 1);
+        let point = [&states[middle][..], &controls[middle], parameters, &times[middle..=middle]].concat();
+        let ends = [&states[0][..], &states[last], parameters, &[times[0], times[last]]].concat();
+        Some(self.expressions(&point, &ends))
+    }
+
     /// The numbers of the states that quaternions begin at.
-    pub(crate) fn quaternion_places(&self) -> &[usize] {
+    pub fn quaternion_places(&self) -> &[usize] {
         &self.quaternions
     }
 
@@ -355,8 +364,13 @@ impl Phase {
         self.sizes.parameters
     }
 
-    /// What a row is that has bounds at all times: a state, a control or a path constraint.
-    pub(crate) fn name_of_row(&self, row: usize) -> String {
+    /// What is bounded.
+    pub fn bounds(&self) -> &PhaseBounds {
+        &self.bounds
+    }
+
+    /// What a row is that has bounds at all times, by its number: states, controls, then path constraints.
+    pub fn name_of_row(&self, row: usize) -> String {
         let Sizes { states, controls, .. } = self.sizes;
         let (kind, k, names) = if row < states {
             ("state", row, &self.names.states)
@@ -644,6 +658,11 @@ impl Problem {
         linkages.iter().for_each(|linkage| face(&mut phases, linkage));
         linkages.extend((0..phases.len()).filter(|&k| phases[k].may_run_backwards()).map(Linkage::forward));
         Ok(Self { phases, linkages })
+    }
+
+    /// The phases.
+    pub fn phases(&self) -> &[Phase] {
+        &self.phases
     }
 
     /// Number of phases.

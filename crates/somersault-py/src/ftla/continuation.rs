@@ -15,9 +15,10 @@ use crate::core::value::{Pickled, by_restore, value};
 use pyo3::prelude::*;
 use pyo3::types::PyType;
 use somersault::ftla::budget::Limits;
-use somersault::ftla::cold_start::{ArmTravel, TreeTravel};
+use somersault::ftla::cold_start::{ArmTravel, ProblemTravel, TreeTravel};
 use somersault::ftla::continuation::{self, Continuation, Member, Reason};
 use somersault::ftla::shooting::MultipleShooting;
+use somersault::ftla::system::StateCostate;
 use std::sync::Arc;
 
 /// Result of a continuation.
@@ -234,28 +235,84 @@ pub(crate) fn continue_through(
     continued(py, found, system, &continuation.polish)
 }
 
-/// By a spline of minimum effort for a tree, by the linearised problem for another system.
-fn start_cold(
-    continuation: &Continuation,
-    system: &System,
-    run: &Arc<Run>,
-    [initial, last]: [&[f64]; 2],
+/// The ends of a cold start and its horizon.
+struct Travel {
+    ends: [EndStates; 2],
     horizon: f64,
-) -> Result<continuation::ContinuationResult, Error> {
-    Ok(match system.tree() {
-        Some(tree) => {
-            let watch = |tree| Source::Compiled(Arc::new(tree)).watched(run);
-            TreeTravel { system: tree, initial, last, horizon }.solve_as(continuation, watch)?
+}
+
+impl Travel {
+    /// As given, or else as the problem has them that the system is of.
+    fn of(
+        system: &System,
+        ends: [Option<&Bound<'_, PyAny>>; 2],
+        horizon: Option<f64>,
+    ) -> Result<Self, Error> {
+        let (n, posed) = (system.n_states()?, system.posed().map(StateCostate::problem));
+        let names = ["initial_state", "final_state"];
+        let missing = |name: &str| {
+            Error::input(format!("`{name}` must be given: only the system of a `ControlProblem` has one"))
+        };
+        let end = |k: usize| -> Result<EndStates, Error> {
+            match (ends[k], posed) {
+                (Some(given), None) => Ok(entries(names[k], n, given)?.into_iter().map(Some).collect()),
+                (Some(given), Some(_)) => {
+                    let states: EndStates = given.extract().map_err(|_| {
+                        Error::input(format!(
+                            "`{}` must be numbers, or None where free, found {}",
+                            names[k],
+                            a_type(given)
+                        ))
+                    })?;
+                    end_of(names[k], n, &states).map(|_| states)
+                }
+                (None, Some(problem)) => Ok(problem.ends()?[k].clone()),
+                (None, None) => Err(missing(names[k])),
+            }
+        };
+        let ends = [end(0)?, end(1)?];
+        let horizon = match (horizon, posed) {
+            (Some(given), _) => given,
+            (None, Some(problem)) => problem.horizon()?,
+            (None, None) => return Err(missing("horizon")),
+        };
+        positive("horizon", horizon)?;
+        Ok(Self { ends, horizon })
+    }
+
+    /// By collocation for the system of a problem, by a spline of minimum effort for a tree, by the linearised problem for another.
+    fn start(
+        &self,
+        continuation: &Continuation,
+        system: &System,
+        run: &Arc<Run>,
+    ) -> Result<continuation::ContinuationResult, Error> {
+        let Self { ends: [initial, last], horizon } = self;
+        let (watched, horizon) = (system.watched(run)?, *horizon);
+        if let Some(system) = system.posed() {
+            let travel = ProblemTravel { system, initial, last, horizon };
+            return Ok(travel.solve_as(continuation, &watched, run.token())?);
         }
-        None => {
-            let system = system.watched(run)?;
-            somersault::ftla::cold_start::cold_start(&system, initial, last, horizon, continuation)?
-        }
-    })
+        // the ends of other systems have no free states
+        let [initial, last] = [initial, last].map(|end| end.iter().flatten().copied().collect::<Vec<_>>());
+        Ok(match system.tree() {
+            Some(tree) => {
+                let watch = |tree| Source::Compiled(Arc::new(tree)).watched(run);
+                TreeTravel { system: tree, initial: &initial, last: &last, horizon }
+                    .solve_as(continuation, watch)?
+            }
+            None => {
+                somersault::ftla::cold_start::cold_start(&watched, &initial, &last, horizon, continuation)?
+            }
+        })
+    }
 }
 
 /// An extremal of any system from its boundary states and the horizon alone.
 ///
+/// The system of a `ControlProblem` starts from states and costates of collocation, at nodes between which the fastest rate
+/// grows e-fold four times; its ends and duration are those of the problem unless others are given, and states may be free. Where
+/// shooting fails from there, the linearised problem follows as for other systems.
 /// A tree of hinges and sliders starts from a spline of minimum effort, whose torques tell the costates; what is passive is driven
 /// at first and released by continuation, and limits come down on it. For any other system the problem linearised halfway
 /// between the ends, which one Newton step solves, is led to the problem itself; where that stops early, the same at the
@@ -264,9 +321,10 @@ fn start_cold(
 /// Parameters
 /// ----------
 /// system : System
-/// initial_state, final_state : array_like, shape (n,)
-/// horizon : float
-///     s.
+/// initial_state, final_state : array_like, shape (n,), optional
+///     For the system of a `ControlProblem` those of the problem, with None for states that are free. To be given for others.
+/// horizon : float, optional
+///     s. As `initial_state`.
 /// tol : float, optional
 ///     As for `shoot`.
 /// max_iterations : int, optional
@@ -290,15 +348,15 @@ fn start_cold(
 /// (True, 3.362057)
 #[pyfunction]
 #[pyo3(signature = (
-    system, initial_state, final_state, horizon, *, tol=1e-11, max_iterations=100, rtol=1e-13, atol=1e-15,
-    first_step=0.1, min_step=1e-4, max_time=None, max_evaluations=None
+    system, initial_state=None, final_state=None, horizon=None, *, tol=1e-11, max_iterations=100, rtol=1e-13,
+    atol=1e-15, first_step=0.1, min_step=1e-4, max_time=None, max_evaluations=None
 ))]
 pub(crate) fn cold_start(
     py: Python<'_>,
     system: Py<System>,
-    initial_state: &Bound<'_, PyAny>,
-    final_state: &Bound<'_, PyAny>,
-    horizon: f64,
+    initial_state: Option<&Bound<'_, PyAny>>,
+    final_state: Option<&Bound<'_, PyAny>>,
+    horizon: Option<f64>,
     tol: f64,
     #[pyo3(from_py_with = whole::max_iterations)] max_iterations: usize,
     rtol: f64,
@@ -310,11 +368,8 @@ pub(crate) fn cold_start(
 ) -> Result<ContinuationResult, Error> {
     let limits = limits_of(max_time, max_evaluations)?;
     let continuation = continuation_of([tol, rtol, atol], max_iterations, [first_step, min_step], limits)?;
-    positive("horizon", horizon)?;
-    let n = system.get().n_states()?;
-    let initial = entries("initial_state", n, initial_state)?;
-    let last = entries("final_state", n, final_state)?;
-    let found = attend(py, |run| start_cold(&continuation, system.get(), run, [&initial, &last], horizon))?;
+    let travel = Travel::of(system.get(), [initial_state, final_state], horizon)?;
+    let found = attend(py, |run| travel.start(&continuation, system.get(), run))?;
     continued(py, found, system, &continuation.polish)
 }
 

@@ -17,7 +17,7 @@ impl From<SystemError> for Error {
         match error {
             SystemError::Model(error) => error.into(),
             SystemError::Dynamics(error) => error.into(),
-            SystemError::Argument(_) => Self::own(Class::Input, &error),
+            SystemError::Argument(_) | SystemError::NoStateCostate { .. } => Self::own(Class::Input, &error),
             error => Self::own(Class::Evaluation, &error),
         }
     }
@@ -67,6 +67,7 @@ impl From<ShootingError> for Error {
             ShootingError::Guess { segment, source } => {
                 of_motion(&format!("segment {segment} of the guess: "), source)
             }
+            error @ ShootingError::NoMotion => Self::own(Class::Evaluation, &error),
             error => Self::own(Class::Input, &error),
         }
     }

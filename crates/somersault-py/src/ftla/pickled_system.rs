@@ -3,7 +3,7 @@
 use super::control_problem::state_costate;
 use super::differentiated::Problem;
 use super::named_systems::{arm, cubic_regulator, linear_regulator, tree};
-use super::system::{GivenTree, Origin, System, Traced};
+use super::system::{GivenTree, Origin, Posed, System, Traced};
 use super::watched::Callables;
 use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore};
@@ -42,7 +42,8 @@ impl System {
             }
             Origin::LinearRegulator => tuple(PyTuple::empty(py), "linear_regulator")?,
             Origin::CubicRegulator => tuple(PyTuple::empty(py), "cubic_regulator")?,
-            Origin::Traced(Traced { origin: [maker, arguments], .. }) => {
+            Origin::Traced(Traced { origin: [maker, arguments], .. })
+            | Origin::Posed(Posed { origin: [maker, arguments], .. }) => {
                 let arguments = arguments.bind(py).cast::<PyTuple>()?.clone();
                 return Ok((maker.bind(py).clone(), arguments));
             }

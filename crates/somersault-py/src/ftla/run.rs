@@ -4,6 +4,7 @@ use crate::core::error::{Class, Error};
 use crate::core::waiting::{self, Cancellation};
 use pyo3::exceptions::{PyArithmeticError, PyException};
 use pyo3::prelude::*;
+use somersault::core::cancel::CancellationToken;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -44,6 +45,11 @@ impl Run {
     pub(crate) fn checks_derivatives(&self) -> bool {
         let before = self.derivatives.fetch_add(1, Ordering::Relaxed);
         !self.is_stopped() && (before < FIRST_POINTS || before.is_power_of_two())
+    }
+
+    /// What is cancelled when it is to end.
+    pub(crate) fn token(&self) -> &CancellationToken {
+        &self.cancellation.token
     }
 
     /// Whether it is to end.

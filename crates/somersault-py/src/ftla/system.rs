@@ -11,11 +11,13 @@ use crate::core::rows::Rows;
 use crate::core::value::{brief, value};
 use crate::expr::CompiledFunction;
 use crate::multibody::model::Model;
+use crate::ocp::collocation::TracedProblem;
 use pyo3::prelude::*;
 use somersault::ftla::nalgebra::DMatrix;
 use somersault::ftla::system::{
-    ArmMinimumTorque, CubicRegulator, HamiltonianSystem, LinearRegulator, OptimalControlSystem, StateCostate,
-    SystemError, TracedField, TreeMinimumTorque, VectorField,
+    ArmMinimumTorque, CubicRegulator, DifferentiatedProblem, HamiltonianSystem, LinearRegulator,
+    OptimalControlSystem, PosedProblem, StateCostate, SystemError, TracedField, TreeMinimumTorque,
+    VectorField,
 };
 use std::sync::Arc;
 
@@ -79,11 +81,18 @@ pub(super) enum Origin {
     CubicRegulator,
     Tree(GivenTree),
     Traced(Traced),
+    Posed(Posed),
 }
 
 /// A traced field, and the call that makes the system again.
 pub(super) struct Traced {
     pub(super) field: Arc<TracedField>,
+    pub(super) origin: [Py<PyAny>; 2],
+}
+
+/// The system of a problem, and the call that makes it again.
+pub(super) struct Posed {
+    pub(super) system: Arc<StateCostate<PosedProblem>>,
     pub(super) origin: [Py<PyAny>; 2],
 }
 
@@ -111,8 +120,14 @@ impl System {
             | Origin::Arm(_)
             | Origin::LinearRegulator
             | Origin::CubicRegulator
-            | Origin::Traced(_) => None,
+            | Origin::Traced(_)
+            | Origin::Posed(_) => None,
         }
+    }
+
+    /// The system of the problem that it is of, if it is of one.
+    pub(super) fn posed(&self) -> Option<&StateCostate<PosedProblem>> {
+        if let Origin::Posed(posed) = &self.origin { Some(&posed.system) } else { None }
     }
 
     pub(super) fn made_from(
@@ -159,6 +174,7 @@ impl System {
             Origin::CubicRegulator => Source::Compiled(Arc::new(CubicRegulator)),
             Origin::Tree(given) => Source::Compiled(Arc::clone(&given.system) as _),
             Origin::Traced(traced) => Source::Traced(Arc::clone(&traced.field)),
+            Origin::Posed(posed) => Source::Compiled(Arc::clone(&posed.system) as _),
         };
         Ok(source.watched(run))
     }
@@ -267,7 +283,8 @@ value! {
             | Origin::Problem(_)
             | Origin::LinearRegulator
             | Origin::CubicRegulator
-            | Origin::Traced(_) => Ok(None),
+            | Origin::Traced(_)
+            | Origin::Posed(_) => Ok(None),
         };
     }
 }
@@ -322,6 +339,20 @@ impl System {
         let field = Arc::new(TracedField::try_new(&function.get().function)?);
         let dimension = expect_dimension("states", field.dimension())?;
         Ok(Self { dimension, n_controls: 0, description, origin: Origin::Traced(Traced { field, origin }) })
+    }
+
+    /// The system of a `ControlProblem`, what it is in words, and the call that makes it again.
+    #[staticmethod]
+    fn _of_problem(
+        problem: &TracedProblem,
+        description: String,
+        origin: [Py<PyAny>; 2],
+    ) -> Result<Self, Error> {
+        let problem = problem.problem(Vec::new(), &Arc::default())?;
+        let system = Arc::new(StateCostate::of_problem(&problem)?);
+        let [n, n_controls] = system.problem().sizes();
+        let dimension = expect_dimension("problem", 2 * n)?;
+        Ok(Self { dimension, n_controls, description, origin: Origin::Posed(Posed { system, origin }) })
     }
 
     /// h(p) = dp/dt.

@@ -1,7 +1,7 @@
 //! Optimal motions.
 
 mod arguments;
-mod collocation;
+pub(crate) mod collocation;
 mod dive;
 pub(crate) mod joint_motion;
 mod problem;

@@ -106,7 +106,11 @@ fn linkage((left, right, what, i, j, (lower, upper)): Link) -> Result<Linkage, E
 
 impl TracedProblem {
     /// The problem from guesses. Functions that are not traced look at the token.
-    fn problem(&self, guesses: Vec<Guess>, token: &Arc<CancellationToken>) -> Result<Problem, Error> {
+    pub(crate) fn problem(
+        &self,
+        guesses: Vec<Guess>,
+        token: &Arc<CancellationToken>,
+    ) -> Result<Problem, Error> {
         let mut guesses = guesses.into_iter();
         let each = self.phases.iter().zip(&self.horizons);
         let phases = each
