@@ -1,6 +1,7 @@
 """Extremals of problems that `ocp` poses, by collocation and multiple shooting."""
 
 import pickle
+import time
 from typing import Any
 
 import numpy as np
@@ -199,3 +200,15 @@ def test_limits_end_a_start_with_what_it_has() -> None:
         found = ftla.cold_start(system, **limit)
         assert not found.success and found.status == "limit_reached"
         assert found.extremal.nodes.shape[1] == 2
+
+
+def test_a_limit_of_time_ends_collocation_of_many_states_too() -> None:
+    random = np.random.default_rng(0)
+    a, b = random.normal(size=(40, 40)) / 3, random.normal(size=(40, 4))
+    problem = ocp.ControlProblem(
+        lambda x, u: a @ x + b @ u + np.sin(x[::-1]), 40, 4, initial=random.normal(size=40),
+        final=random.normal(size=40), duration=20.0, running_cost=lambda x, u: 0.5 * (x @ x + u @ u),
+    )  # fmt: skip
+    system, began = ftla.system_of(problem), time.monotonic()
+    found = ftla.cold_start(system, max_time=0.5)
+    assert found.status == "limit_reached" and time.monotonic() - began < 2.0

@@ -1,5 +1,6 @@
 //! Limits of a search, and what it has spent of them.
 
+use somersault_core::cancel::CancellationToken;
 use std::fmt;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
@@ -44,6 +45,11 @@ pub struct Budget {
 }
 
 impl Limits {
+    /// A token that is cancelled when the time is over that begins now.
+    pub fn token(self) -> CancellationToken {
+        CancellationToken::with_deadline(self.time.and_then(|most| Instant::now().checked_add(most)))
+    }
+
     /// From now on.
     pub fn start(self) -> Budget {
         let (evaluations, stopped) = (AtomicUsize::new(0), AtomicBool::new(false));

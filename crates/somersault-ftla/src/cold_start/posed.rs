@@ -40,10 +40,11 @@ impl ProblemTravel<'_> {
     /// Collocation comes first, from a straight line. Where shooting fails from what it found, and all states at the ends are given,
     /// [`cold_start`](super::cold_start()) follows. Each step of collocation counts as an evaluation of the field at each of its points.
     pub fn solve(&self, continuation: &Continuation) -> Result<ContinuationResult, ShootingError> {
-        self.solve_as(continuation, self.system, &CancellationToken::new())
+        self.solve_as(continuation, self.system, &continuation.polish.limits.token())
     }
 
-    /// The same with the system as `watched`, whose field is NaN from when it is to stop, and with a token for what does not evaluate it.
+    /// The same with the system as `watched`, whose field is NaN from when it is to stop, and with a token for what does not evaluate it,
+    /// as [`Limits::token`](crate::budget::Limits::token) makes one.
     pub fn solve_as<W: VectorField + Sync>(
         &self,
         continuation: &Continuation,
@@ -58,7 +59,8 @@ impl ProblemTravel<'_> {
         let mut spent = Spent::default();
         let mut failed = None;
         let mut best: Option<ContinuationResult> = None;
-        let shooting = MultipleShooting { max_iterations: DIRECT, ..continuation.polish };
+        let max_iterations = continuation.polish.max_iterations.min(DIRECT);
+        let shooting = MultipleShooting { max_iterations, ..continuation.polish };
         if let Some(solution) = self.collocated(&budget, token) {
             for part in SEGMENTS {
                 let times = times_of(&solution, watched, part);
@@ -84,7 +86,11 @@ impl ProblemTravel<'_> {
         {
             match cold_start_within(&budget, watched, &initial, &last, self.horizon, continuation) {
                 Ok(found) if found.arrived() || best.is_none() => best = Some(found),
-                Ok(found) => spent.failures += found.steps[1],
+                Ok(found) => {
+                    spent.failures += found.steps[1];
+                    spent.iterations += found.iterations;
+                    spent.work += found.work;
+                }
                 Err(error) => failed = failed.or(Some(error)),
             }
         }

@@ -174,8 +174,7 @@ impl<P: DifferentiatedProblem> StateCostate<P> {
             let is_short = step <= SHORT * u.amax().max(1e-3);
             let accepted = (0..40).map(|k| trial(0.5f64.powi(k))).find(|w| {
                 let rounding = 8.0 * f64::EPSILON * value.abs().max(1.0);
-                is_short
-                    || self.k(x, costate, w, &mut f) - value <= 1e-4 * gradient.dot(&(w - &u)) + rounding
+                is_short || self.k(x, costate, w, &mut f) - value <= 1e-4 * gradient.dot(&(w - &u)) + rounding
             });
             match accepted {
                 Some(next) if next != u => u = next,

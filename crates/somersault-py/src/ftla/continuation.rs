@@ -4,7 +4,7 @@ use super::argument::{limits_of, whole};
 use super::flow::Settings;
 use super::matching::entries;
 use super::named_systems::of_arm;
-use super::run::{Run, attend, caused};
+use super::run::{Run, attend, attend_stopping, caused};
 use super::shooting::{EndStates, Extremal, end_of, shooting_of};
 use super::system::System;
 use super::watched::Source;
@@ -14,6 +14,7 @@ use crate::core::error::Error;
 use crate::core::value::{Pickled, by_restore, value};
 use pyo3::prelude::*;
 use pyo3::types::PyType;
+use somersault::core::cancel::CancellationToken;
 use somersault::ftla::budget::Limits;
 use somersault::ftla::cold_start::{ArmTravel, ProblemTravel, TreeTravel};
 use somersault::ftla::continuation::{self, Continuation, Member, Reason};
@@ -286,12 +287,13 @@ impl Travel {
         continuation: &Continuation,
         system: &System,
         run: &Arc<Run>,
+        token: &CancellationToken,
     ) -> Result<continuation::ContinuationResult, Error> {
         let Self { ends: [initial, last], horizon } = self;
         let (watched, horizon) = (system.watched(run)?, *horizon);
         if let Some(system) = system.posed() {
             let travel = ProblemTravel { system, initial, last, horizon };
-            return Ok(travel.solve_as(continuation, &watched, run.token())?);
+            return Ok(travel.solve_as(continuation, &watched, token)?);
         }
         // the ends of other systems have no free states
         let [initial, last] = [initial, last].map(|end| end.iter().flatten().copied().collect::<Vec<_>>());
@@ -369,7 +371,13 @@ pub(crate) fn cold_start(
     let limits = limits_of(max_time, max_evaluations)?;
     let continuation = continuation_of([tol, rtol, atol], max_iterations, [first_step, min_step], limits)?;
     let travel = Travel::of(system.get(), [initial_state, final_state], horizon)?;
-    let found = attend(py, |run| travel.start(&continuation, system.get(), run))?;
+    let token = Arc::new(limits.token());
+    let stopping = Arc::clone(&token);
+    let found = attend_stopping(
+        py,
+        move || stopping.cancel(),
+        |run| travel.start(&continuation, system.get(), run, &token),
+    )?;
     continued(py, found, system, &continuation.polish)
 }
 

@@ -4,7 +4,6 @@ use crate::core::error::{Class, Error};
 use crate::core::waiting::{self, Cancellation};
 use pyo3::exceptions::{PyArithmeticError, PyException};
 use pyo3::prelude::*;
-use somersault::core::cancel::CancellationToken;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -47,11 +46,6 @@ impl Run {
         !self.is_stopped() && (before < FIRST_POINTS || before.is_power_of_two())
     }
 
-    /// What is cancelled when it is to end.
-    pub(crate) fn token(&self) -> &CancellationToken {
-        &self.cancellation.token
-    }
-
     /// Whether it is to end.
     pub(crate) fn is_stopped(&self) -> bool {
         self.cancellation.token.is_cancelled()
@@ -63,8 +57,21 @@ pub(crate) fn attend<T: Send>(
     py: Python<'_>,
     work: impl FnOnce(&Arc<Run>) -> Result<T, Error> + Send,
 ) -> Result<T, Error> {
+    attend_stopping(py, || {}, work)
+}
+
+/// The same, and `stop` is called before systems lose their values.
+pub(crate) fn attend_stopping<T: Send>(
+    py: Python<'_>,
+    stop: impl FnOnce() + Send,
+    work: impl FnOnce(&Arc<Run>) -> Result<T, Error> + Send,
+) -> Result<T, Error> {
     let run = Arc::new(Run::default());
-    let result = waiting::attend(py, |raised| run.stop(raised), || work(&run))?;
+    let stopped = |raised| {
+        stop();
+        run.stop(raised);
+    };
+    let result = waiting::attend(py, stopped, || work(&run))?;
     if let Some(error) = run.cancellation.raised() {
         return Err(Error::Raised(error.clone_ref(py)));
     }
