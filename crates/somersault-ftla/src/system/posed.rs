@@ -13,6 +13,9 @@ use somersault_ocp::collocation::{CollocationError, Interval, Phase, PhaseBounds
 /// The problem has one phase, whose functions have expressions and do not name the time; its parameters are given. States and path
 /// constraints are without bounds, and the ends without a cost: an extremal with them obeys other equations, those of
 /// [`arcs`](somersault_ocp::arcs).
+///
+/// A formula over a generic scalar that branches on the value of a number is recorded as it is in the middle of the guess, and wrong
+/// where it would take another branch. Functions that Python traced have no such branches.
 #[derive(Debug)]
 pub struct PosedProblem {
     n: usize,
@@ -57,8 +60,8 @@ fn is_bounded(interval: &Interval) -> bool {
     interval.lower.is_finite() || interval.upper.is_finite()
 }
 
-/// The first number of a phase that has bounds which its extremals' equations would have to know of, in a sentence.
-fn bounded(phase: &Phase) -> Option<String> {
+/// What the equations of extremals would have to take account of and do not, in a sentence: bounds, quaternions, free parameters.
+fn hindrance(phase: &Phase) -> Option<String> {
     let (n, m, bounds) = (phase.n_states(), phase.n_controls(), phase.bounds());
     let states = bounds.state.iter().enumerate();
     let rows = states.chain(bounds.path.iter().enumerate().map(|(k, bound)| (n + m + k, bound)));
@@ -88,10 +91,10 @@ fn reads(
 }
 
 impl PosedProblem {
-    /// The problem's, as it is posed.
+    /// Records the functions of a problem and differentiates them.
     pub fn try_new(problem: &Problem) -> Result<Self, SystemError> {
         let [phase] = problem.phases() else { return Err(none("it has several phases")) };
-        if let Some(reason) = bounded(phase) {
+        if let Some(reason) = hindrance(phase) {
             return Err(none(reason));
         }
         let functions = phase.expressions_of_guess().ok_or_else(|| none("it has no guess"))?;
@@ -111,10 +114,10 @@ impl PosedProblem {
             return Err(none("it has an end cost"));
         }
         let parameters: Vec<f64> = bounds.parameters.iter().map(|bound| bound.lower).collect();
-        let posed = Recorded::new([&dynamics, &path], [n, m], &parameters)?;
+        let recorded = Recorded::new([&dynamics, &path], [n, m], &parameters)?;
         let names = [0..n, n..n + m].map(|rows| rows.map(|row| phase.name_of_row(row)).collect());
         let functions = functions_of([&dynamics, &path], [n, m], &parameters)?;
-        let Recorded { tapes: [rate, cost, by_control, by_state, second], places } = posed;
+        let Recorded { tapes: [rate, cost, by_control, by_state, second], places } = recorded;
         let rooms = Rooms::new(|| Room {
             rate: rate.evaluator(),
             cost: cost.evaluator(),
