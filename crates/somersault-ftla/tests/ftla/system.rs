@@ -132,7 +132,7 @@ fn branched(random: &mut testkit::Random) -> Model {
 }
 
 #[test]
-fn a_random_tree_is_its_forward_dynamics_through_duals_end_to_end() {
+fn a_random_tree_is_its_forward_dynamics_through_expressions_end_to_end() {
     let mut random = testkit::Random::new(12);
     let (mut cut, mut steps) = (0, 0);
     for case in 0..10 {
