@@ -69,6 +69,9 @@ def test_other_ends_take_the_place_of_those_of_the_problem() -> None:
     expected = -0.25 + 0.25 * (root + np.arcsinh(1.0))
     assert found.success and found.extremal.cost() == pytest.approx(expected, abs=1e-9)
     assert abs(found.extremal.nodes[-1, 1]) < 1e-12
+    # one end of the problem, which leaves the other between bounds
+    between = ftla.system_of(regulator(initial=[-1.0], final={"x": (1.0, 2.0)}, duration=30.0))
+    assert ftla.cold_start(between, final_state=[None]).extremal.cost() == pytest.approx(expected, abs=1e-9)
     free = ftla.system_of(regulator(final=None, duration=30.0, initial=[-1.0]))
     assert ftla.cold_start(free).extremal.cost() == pytest.approx(expected, abs=1e-9)
 

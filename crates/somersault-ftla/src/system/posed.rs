@@ -130,20 +130,24 @@ impl PosedProblem {
         Ok(Self { n, m, bounds, names, functions, places, rooms })
     }
 
-    /// x(t₀) and x(t_f) as the problem has them: given, or free. Fails where an end lies between bounds.
-    pub fn ends(&self) -> Result<[Vec<Option<f64>>; 2], SystemError> {
-        let end = |name: &str, bounds: &[Interval]| {
-            let each = bounds.iter().enumerate();
-            each.map(|(i, bound)| match (bound.is_fixed(), is_bounded(bound)) {
-                (true, _) => Ok(Some(bound.lower)),
-                (false, false) => Ok(None),
-                (false, true) => {
-                    Err(none(format!("`{}` of the {name} state is neither given nor free", self.names[0][i])))
-                }
-            })
-            .collect::<Result<Vec<_>, _>>()
-        };
-        Ok([end("initial", &self.bounds.initial_state)?, end("final", &self.bounds.final_state)?])
+    /// x(t₀) as the problem has it, none where free. Fails where a state lies between bounds.
+    pub fn initial_state(&self) -> Result<Vec<Option<f64>>, SystemError> {
+        self.end("initial", &self.bounds.initial_state)
+    }
+
+    /// x(t_f), likewise.
+    pub fn final_state(&self) -> Result<Vec<Option<f64>>, SystemError> {
+        self.end("final", &self.bounds.final_state)
+    }
+
+    fn end(&self, name: &str, bounds: &[Interval]) -> Result<Vec<Option<f64>>, SystemError> {
+        let each = bounds.iter().zip(&self.names[0]);
+        each.map(|(bound, state)| match (bound.is_fixed(), is_bounded(bound)) {
+            (true, _) => Ok(Some(bound.lower)),
+            (false, false) => Ok(None),
+            (false, true) => Err(none(format!("`{state}` of the {name} state is neither given nor free"))),
+        })
+        .collect()
     }
 
     /// The duration as the problem has it. Fails where a time is not given.

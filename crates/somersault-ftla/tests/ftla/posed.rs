@@ -68,8 +68,9 @@ fn posed(phase: Phase) -> Result<StateCostate<PosedProblem>, SystemError> {
 
 /// The extremal of a problem between its own ends.
 fn solved(system: &StateCostate<PosedProblem>) -> (f64, f64) {
-    let [initial, last] = system.problem().ends().expect("given or free");
-    let horizon = system.problem().horizon().expect("given");
+    let problem = system.problem();
+    let [initial, last] = [problem.initial_state(), problem.final_state()].map(|end| end.expect("no bounds"));
+    let horizon = problem.horizon().expect("given");
     let travel = ProblemTravel { system, initial: &initial, last: &last, horizon };
     let continuation = Continuation::default();
     let found = travel.solve(&continuation).expect("well posed");
@@ -177,9 +178,9 @@ fn what_a_state_costate_system_does_not_have_is_refused_by_name() {
         }
     }
     let between = posed(phase(cubic(), Interval::new(1.0, 2.0), 4.0)).expect("posed");
-    assert!(between.problem().ends().is_err() && between.problem().horizon().is_ok());
+    assert!(between.problem().final_state().is_err() && between.problem().initial_state().is_ok());
     let open = posed(plain().horizon(0.0, Interval::new(1.0, 2.0))).expect("posed");
-    assert!(open.problem().ends().is_ok() && open.problem().horizon().is_err());
+    assert!(open.problem().final_state().is_ok() && open.problem().horizon().is_err());
     let travel = |initial: &[Option<f64>], horizon: f64| {
         ProblemTravel { system: &open, initial, last: &[None], horizon }
             .solve(&Continuation::default())

@@ -267,7 +267,8 @@ impl Travel {
                     })?;
                     end_of(names[k], n, &states).map(|_| states)
                 }
-                (None, Some(problem)) => Ok(problem.ends()?[k].clone()),
+                (None, Some(problem)) if k == 0 => Ok(problem.initial_state()?),
+                (None, Some(problem)) => Ok(problem.final_state()?),
                 (None, None) => Err(missing(names[k])),
             }
         };
